@@ -40,7 +40,7 @@ class StageCommands:
 
     @ClientMethod
     def condition(self, *, axis: str | None = None) -> Call[Answer]:
-        """Drive a decaying swing, which makes the hysteresis memory known.
+        """Swing over the whole range, which makes the hysteresis memory known.
 
         Args:
             axis: Name of the axis; None for all axes.

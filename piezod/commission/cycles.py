@@ -28,7 +28,8 @@ class SessionCycles:
         """Wait for the next cycle; return whether periods were lost before it."""
         due_ns = self._deadline_ns + self.period_ns
         had_to_wait = self._now_ns() < due_ns
-        self._deadline_ns, late_ns, skipped = self._pacer.wait()
+        tick = self._pacer.wait()
+        self._deadline_ns, late_ns, skipped = tick.deadline_ns, tick.late_ns, tick.skipped
         began_late = overran = 0
         if not had_to_wait:
             overran = skipped  # by slow devices, or by a computer that had no time for the cycle

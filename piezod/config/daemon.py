@@ -37,7 +37,7 @@ class OnTargetConfig(ConfigModel):
 
 
 class ConditioningConfig(ConfigModel):
-    """The decaying swing after which the hysteresis memory is known."""
+    """The swings after which the hysteresis memory is known."""
 
     on_arm: bool = Field(default=False, description="Whether each `arm` starts it.")
     frequency_hz: Annotated[float, Quantity(0.01, 100, "Hz")] = Field(

@@ -31,7 +31,9 @@ PUNCTUAL: Final = CycleTiming(0, 0, 0, 0, 0)
 _RUN: Final = State.RUN
 _RANGE: Final = DriveLimit.RANGE
 _SLEW: Final = DriveLimit.SLEW
-_MEMORY_UNKNOWN, _ESTOP = Detection(Fault.D10), Detection(Fault.E1)
+_SENSED: Final = SENSED
+_MEMORY_UNKNOWN: Final = Detection(Fault.D10)
+_ESTOP: Final = Detection(Fault.E1)
 
 
 class CycleAxis(Protocol):
@@ -85,7 +87,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         samples, slew_halved = _watch(stage, loop_watch, t_ns, samples, read_back_v, timing)
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
-    outputs = [axis.update(t_ns, sample) for axis, sample in zip(axes, samples, strict=True)]
+    outputs = [axis.update(t_ns, samples[i]) for i, axis in enumerate(axes)]
     asked_v = [output.drive_v for output in outputs]
     in_force_v = [output.in_force_v for output in outputs]
     planned_t_ns = min([output.t_ns for output in outputs])
@@ -112,8 +114,8 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     _watch_write(stage, admitted, outputs, written)
     written &= not held
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
-    faults = stage.register.present, stage.register.latched
-    return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
+    present, latched = stage.register.present, stage.register.latched
+    return CycleRecord(t_ns, stage.state, devices.shadow, written, present, latched, records)
 
 
 def _watch(
@@ -197,7 +199,7 @@ def _watch_axis(
     state, boundary = stage.state, stage.boundary
     driven = state in DRIVEN and not boundary.returned
     axis, watch = stage.axes[i], stage.watches[i]
-    closed = state is _RUN and axis.mode in SENSED
+    closed = state is _RUN and axis.mode in _SENSED
     bus, sensor = watch.bus, watch.sensor
     if sensor_flags or amplifier_flags or bus.counting:  # most cycles: no flags, no counters
         detections += bus.check(sensor_flags, amplifier_flags)

@@ -7,7 +7,7 @@ waited for: no write is farther from a live read-back than the slew rate allows.
 
 from collections.abc import Collection, Container, Hashable, Sequence
 from math import inf, isfinite
-from typing import NamedTuple
+from typing import TypeAlias
 
 READ_BACK_V, READ_BACK_PART = 0.5, 0.005
 """The read-back may differ from the written voltage by this many volts, or by this share of the
@@ -27,37 +27,42 @@ def read_back_tolerance_v(drive_min_v: float, drive_max_v: float) -> float:
     return max(READ_BACK_V, READ_BACK_PART * (drive_max_v - drive_min_v))
 
 
-class Window(NamedTuple):
-    """Range of drives that the limits allow in one cycle, in V."""
-
-    low_v: float
-    high_v: float
-
-    def nearest(self, drive_v: float) -> float:
-        """Return the nearest voltage inside to a finite one. Real-time safe."""
-        return min(max(drive_v, self.low_v), self.high_v)
-
-    def admit(self, drive_v: float, previous_v: float) -> float:
-        """Return the nearest voltage inside; if `drive_v` is not finite, the previous voltage.
-
-        Real-time safe.
-        """
-        if drive_v - drive_v != 0.0:  # infinity or NaN: a clamp would give full scale
-            return previous_v
-        return self.nearest(drive_v)
+Window: TypeAlias = tuple[float, float]
+"""Lowest and highest drive that the limits allow in one cycle, in V."""
 
 
-class Limits(NamedTuple):
-    """Limits of one axis."""
+def nearest(window: Window, drive_v: float) -> float:
+    """Return the nearest voltage inside a window to a finite one. Real-time safe."""
+    low_v, high_v = window
+    return min(max(drive_v, low_v), high_v)
 
-    drive_min_v: float  #: Lowest voltage, in V.
-    drive_max_v: float  #: Highest voltage, in V.
-    slew_v_per_s: float  #: Fastest change, in V/s.
 
-    @property
-    def read_back_tolerance_v(self) -> float:
+def admit_within(window: Window, drive_v: float, previous_v: float) -> float:
+    """Return the nearest voltage inside; if `drive_v` is not finite, the previous voltage.
+
+    Real-time safe.
+    """
+    if drive_v - drive_v != 0.0:  # infinity or NaN: a clamp would give full scale
+        return previous_v
+    return nearest(window, drive_v)
+
+
+class Limits:
+    """Limits of one axis; they do not change.
+
+    Args:
+        drive_min_v: Lowest voltage, in V.
+        drive_max_v: Highest voltage, in V.
+        slew_v_per_s: Fastest change, in V/s.
+    """
+
+    __slots__ = ("drive_max_v", "drive_min_v", "read_back_tolerance_v", "slew_v_per_s")
+
+    def __init__(self, drive_min_v: float, drive_max_v: float, slew_v_per_s: float) -> None:
+        self.drive_min_v, self.drive_max_v = drive_min_v, drive_max_v
+        self.slew_v_per_s = slew_v_per_s
+        self.read_back_tolerance_v = read_back_tolerance_v(drive_min_v, drive_max_v)
         """Allowed difference between read-back and written voltage, in V."""
-        return read_back_tolerance_v(self.drive_min_v, self.drive_max_v)
 
     def reach_v(self, elapsed_s: float) -> float:
         """Return how far an output may have gone after a time, with the tolerance, in V."""
@@ -73,28 +78,42 @@ class Limits(NamedTuple):
         # The outer min and max let a voltage outside the range move towards it, never farther away.
         low_v = min(max(previous_v - reach_v, self.drive_min_v), previous_v + reach_v)
         high_v = max(min(previous_v + reach_v, self.drive_max_v), previous_v - reach_v)
-        return Window(low_v, high_v)
+        return low_v, high_v
 
     def admit(self, drive_v: float, previous_v: float, elapsed_s: float) -> float:
-        """Return `Window.admit` for the window after a time. Real-time safe."""
-        return self.window(previous_v, elapsed_s).admit(drive_v, previous_v)
+        """Return `admit_within` of the window after a time. Real-time safe."""
+        return admit_within(self.window(previous_v, elapsed_s), drive_v, previous_v)
 
 
-class Admitted(NamedTuple):
-    """Voltages that may be written in this cycle; axes are given by their index."""
+class Admitted:
+    """Voltages that may be written in this cycle; axes are given by their index.
 
-    #: Voltage of each axis, in V; not finite if the voltage in force is unknown.
-    drive_v: list[float]
-    #: Axes that may not be written: the voltage in force is unknown, or its output is out of the
-    #: reach of the last write. All axes of an amplifier are written together, so they are held
-    #: together.
-    held: tuple[int, ...]
-    #: Axes whose requested voltage, or voltage in force, is not finite: they hold.
-    refused: tuple[int, ...]
-    range_limited: tuple[int, ...]  #: Axes that requested a voltage outside their range.
-    slew_limited: tuple[int, ...]  #: Axes that requested a faster change than their slew rate.
-    stale: bool  #: Whether the voltages were planned for another cycle: all axes hold.
-    waits: tuple[int, ...] = ()  #: Axes whose output does not follow: they keep the last write.
+    Args:
+        drive_v: Voltage of each axis, in V; not finite if the voltage in force is unknown.
+        held: Axes that may not be written: the voltage in force is unknown, or its output is out of
+            the reach of the last write. All axes of an amplifier are written together, so they are
+            held together.
+        refused: Axes whose requested voltage, or voltage in force, is not finite: they hold.
+        range_limited: Axes that requested a voltage outside their range.
+        slew_limited: Axes that requested a faster change than their slew rate.
+        stale: Whether the voltages were planned for another cycle: all axes hold.
+        waits: Axes whose output does not follow: they keep the last write.
+    """
+
+    __slots__ = ("drive_v", "held", "range_limited", "refused", "slew_limited", "stale", "waits")
+
+    def __init__(
+        self,
+        drive_v: list[float],
+        held: tuple[int, ...],
+        refused: tuple[int, ...],
+        range_limited: tuple[int, ...],
+        slew_limited: tuple[int, ...],
+        stale: bool,
+        waits: tuple[int, ...] = (),
+    ) -> None:
+        self.drive_v, self.held, self.refused, self.waits = drive_v, held, refused, waits
+        self.range_limited, self.slew_limited, self.stale = range_limited, slew_limited, stale
 
     @property
     def writable(self) -> bool:
@@ -158,7 +177,7 @@ class Guard:
         else:
             admitted = self._limited(asked_v, in_force_v, elapsed_s, sent_v, slew_halved)
         if left:
-            admitted = admitted._replace(held=self._together([*admitted.held, *left]))
+            admitted.held = self._together([*admitted.held, *left])
         if read_back_v is None:
             return admitted
         return self._awaiting(admitted, in_force_v, read_back_v, age_s)
@@ -197,10 +216,10 @@ class Guard:
             # slew rate.
             target_v = min(max(requested_v, limits.drive_min_v), limits.drive_max_v)
             reach_s = elapsed_s / 2.0 if axis in slew_halved else elapsed_s
-            admitted_v = limits.window(previous_v, reach_s).nearest(target_v)
+            admitted_v = nearest(limits.window(previous_v, reach_s), target_v)
             # Either voltage may be in force: the second window makes the step small from both.
             if sent_v is not None and isfinite(sent_v[axis]):
-                admitted_v = limits.window(sent_v[axis], reach_s).nearest(admitted_v)
+                admitted_v = nearest(limits.window(sent_v[axis], reach_s), admitted_v)
             if target_v != requested_v:
                 range_limited += (axis,)
             if admitted_v != target_v:
@@ -228,4 +247,6 @@ class Guard:
                 drive_v[axis] = in_force_v[axis]
                 if not abs(in_force_v[axis] - read_back_v[axis]) <= reach_v:
                     unknown.append(axis)
-        return admitted._replace(held=self._together(unknown), waits=waits) if waits else admitted
+        if waits:
+            admitted.held, admitted.waits = self._together(unknown), waits
+        return admitted

@@ -2,9 +2,11 @@
 
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Final, Protocol
 
 from piezod.units import NS_PER_S
+
+_BOOTTIME: Final = time.CLOCK_BOOTTIME
 
 
 class Clock(Protocol):
@@ -39,5 +41,5 @@ class MonotonicClock:
 def clock_offsets_ns() -> tuple[int, int]:
     """Return CLOCK_REALTIME and CLOCK_BOOTTIME minus CLOCK_MONOTONIC, in ns. Real-time safe."""
     monotonic_ns = time.monotonic_ns()
-    wall_ns, boot_ns = time.time_ns(), time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+    wall_ns, boot_ns = time.time_ns(), time.clock_gettime_ns(_BOOTTIME)
     return wall_ns - monotonic_ns, boot_ns - monotonic_ns

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from math import isnan, nan
+from typing import Final
 
 from piezod.devices.interface import (
     Amplifier,
@@ -18,6 +19,9 @@ from piezod.devices.roles import AmplifierRole, SensorRole, places, sensor_role,
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags, TellsStatus
 from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.devices.wrapper import DeviceWrapper
+from piezod.errors import DeviceError
+
+_EACH_COMES: Final = Sample(0, nan, False)  # in each cycle, in place of this one
 
 
 class Channels:
@@ -64,6 +68,8 @@ class Channels:
         for name, device in devices.items():
             self._assign_roles(name, device)
         self._find_ages()
+        measured = sum(len(of.plain) + len(of.calibrated) for of in self._sensors)
+        self._all_measured = measured == len(self._axes)
         self._light_dependent = [
             (one, axis) for of in self._sensors for one, axis in of.calibrated if one.needs_light
         ]
@@ -179,7 +185,8 @@ class Channels:
 
     def read(self, now_ns: int) -> list[Sample]:
         """Return one sample of each axis, relative to its zero. Real-time safe."""
-        samples = [Sample(now_ns, 0.0, False)] * len(self._axes)
+        missing = _EACH_COMES if self._all_measured else Sample(now_ns, 0.0, False)
+        samples = [missing] * len(self._axes)
         for sensor, plain, calibrated, commanding in self._sensors:
             raw = sensor.read(now_ns)
             for channel, axis in plain:
@@ -236,8 +243,8 @@ class Channels:
             if not whole and any(isnan(drive_v[axis]) for axis in axes):
                 continue
             values = []
-            for axis, one in zip(axes, outputs, strict=True):
-                value = drive_v[axis]
+            for place, one in enumerate(outputs):
+                value = drive_v[axes[place]]
                 # Most outputs take volts of any size; a call less for each counts in the loop.
                 values.append(value if one.takes_any_voltage else one.value(value))
             # No early return: the axes of the other devices must not miss their setpoints.
@@ -249,8 +256,11 @@ class Channels:
         drive_v = [nan] * len(self._axes)
         for amplifier, axes, outputs in self._amplifiers:
             values = amplifier.read_back(now_ns)
-            for axis, one, value in zip(axes, outputs, values, strict=True):
-                drive_v[axis] = value if one.takes_any_voltage else one.voltage(value)
+            if len(values) != len(axes):
+                raise DeviceError(f"{len(values)} voltages were read back, not {len(axes)}")
+            for place, one in enumerate(outputs):
+                value = values[place]
+                drive_v[axes[place]] = value if one.takes_any_voltage else one.voltage(value)
         return drive_v
 
     def watchdogs(self) -> list[bool]:

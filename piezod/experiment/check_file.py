@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from piezod.config.axes import AxisConfig
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.hung import reply_warnings
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.modes import CORRECTED, Mode
 from piezod.config.response_file import ResponseFile, load_response
@@ -140,6 +141,7 @@ def _describe_stage(path: Path) -> _Description:
     contents = f"a stage: {axes} at {config.rate_hz:g} Hz{without}"
     warnings = (
         *stage_warnings(config),
+        *reply_warnings(config),
         *_without_model(config.axes),
         *_of_unknown_rate(config.axes),
         *_unknown_modes(config.axes, config.rate_hz, tuple(Mode)),

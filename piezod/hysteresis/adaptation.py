@@ -72,7 +72,7 @@ class AdaptiveIdentifier(Adaptable, Protocol):
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
         """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,)."""
 
-    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
+    def predict(self, weights: FloatArray, offset: float, scale: float, /) -> float:
         """Return the drive that another model predicts for the last displacement."""
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
@@ -81,7 +81,7 @@ class AdaptiveIdentifier(Adaptable, Protocol):
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to a model that can be inverted; the uncertainty stays."""
 
-    def expect_noise(self, variance: float) -> None:
+    def expect_noise(self, variance: float, /) -> None:
         """Trust the next pairs less than usual if their displacement has more noise than usual.
 
         Args:

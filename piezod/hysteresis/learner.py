@@ -5,7 +5,7 @@ its gain changes. The operators therefore see y = (1 + scale) x - offset, and th
 the drive from y.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,10 @@ from piezod.hysteresis.slopes import (
 )
 from piezod.jit import compiled
 
-OFFSET, SCALE, POSITION, SLOPE_MARGIN = 0, 1, 2, 3
+OFFSET: Final = 0
+SCALE: Final = 1
+POSITION: Final = 2
+SLOPE_MARGIN: Final = 3
 """Indices in `Learner.scalars`: offset, scale, last displacement, and a lower bound of the smallest
 slope minus `LEAST_SLOPE`."""
 

@@ -4,15 +4,16 @@ A learned model shifts and stretches the displacement x before it inverts the hy
 y = (1 + scale) x - offset. The arrays are made once, so that nothing is allocated later.
 """
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from piezod.hysteresis.adaptation import Adaptable
-from piezod.hysteresis.bank import new_bank_memory
+from piezod.hysteresis.bank import advance_plays, new_bank_memory, weighted_sum
 from piezod.hysteresis.everett_memory import invert_record, new_surface_memory, relax_surface
-from piezod.hysteresis.least_squares import fill_regressors
-from piezod.hysteresis.memory import FloatArray, relax
+from piezod.hysteresis.memory import FloatArray, IntArray, Memory, relax, relax_within
+from piezod.jit import compiled
 
 _CAPACITY = 4
 """Extrema stored on each side; one loop has fewer."""
@@ -34,20 +35,38 @@ class StopLoop:
     """
 
     def __init__(self, bank: FloatArray, positions: FloatArray) -> None:
-        self._bank, self._positions = bank, positions
-        self._memory = new_bank_memory(bank, _CAPACITY)
-        self._inputs, self._drives = np.empty_like(positions), np.empty_like(positions)
-        self._regressors = np.empty((positions.size, bank.shape[1]))
+        self._drives = np.empty_like(positions)
+        self._fill = partial(
+            _fill_stop_drives, *new_bank_memory(bank, _CAPACITY), bank, positions, self._drives
+        )
 
     def of(self, model: Adaptable) -> FloatArray:
         """Return the drives of a model, shape (n,), in an array that the next call overwrites."""
-        inputs, drives = self._inputs, self._drives
-        _put_inputs(model, self._positions, 0.0, inputs)
-        relax(self._memory)
-        fill_regressors(*self._memory, self._bank, 0.0, inputs, self._regressors)
-        np.dot(self._regressors, model.weights, out=drives)
-        drives += inputs
-        return drives
+        self._fill(model.weights, model.offset, model.scale)
+        return self._drives
+
+
+# One call in place of many of numpy: the loop asks 50 times a second.
+@compiled
+def _fill_stop_drives(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    bank: FloatArray,
+    positions: FloatArray,
+    drives: FloatArray,
+    weights: FloatArray,
+    offset: float,
+    scale: float,
+) -> None:
+    memory = Memory(levels, values, now, last, counts)
+    relax_within(memory)
+    for k in range(positions.size):
+        # The memory clamps its input.
+        value = advance_plays(memory, bank, 0.0, (1.0 + scale) * positions[k] - offset)
+        drives[k] = weighted_sum(now, bank, weights, value)
 
 
 class SurfaceLoop:

@@ -94,6 +94,25 @@ def relax(memory: Memory) -> None:
     memory.counts[:] = (1, 1, 1, 0)  # the outermost pair, rising, nothing removed
 
 
+@compiled
+def relax_within(memory: Memory) -> None:
+    """Do the same as `relax`, within a kernel."""
+    levels, values, now, last, counts = memory
+    for side in range(levels.shape[0]):
+        outermost = 1.0 if side == MAXIMUM else 0.0
+        for place in range(levels.shape[1]):
+            levels[side, place] = outermost if place == 0 else 0.0
+            for j in range(values.shape[2]):
+                values[side, place, j] = outermost if place == 0 else 0.0
+    for j in range(now.size):
+        now[j] = 0.0
+    for j in range(last.size):
+        last[j] = 0.0
+    for j in range(3):
+        counts[j] = 1
+    counts[3] = 0
+
+
 def copy_memory(memory: Memory) -> Memory:
     """Return an independent copy."""
     levels, values, now, last, counts = memory

@@ -2,6 +2,8 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -43,7 +45,15 @@ class OnlineIdentifier(ABC):
         self._memory = new_bank_memory(bank, capacity)
         self._deadband = checked_deadband(deadband)
         memory, learner = self._memory, self._learner
-        self._seen = memory.now, memory.last, learner.bank, learner.scalars
+        # Bound once: a partial function adds no Python frame.
+        self.predict: Callable[[FloatArray, float, float], float] = partial(
+            predicted_drive, memory.now, memory.last, learner.bank, learner.scalars
+        )
+        """Returns the drive that a model of these weights, offset and scale predicts for the last
+        displacement. Real-time safe."""
+        self.offset = self.scale = 0.0
+        """Offset of the displacement against the operator input, in units of the range; relative
+        gain of the operator input over the displacement: y = (1 + scale) x - offset."""
         self.weights: FloatArray = learner.weights
         """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place.
 
@@ -79,17 +89,8 @@ class OnlineIdentifier(ABC):
         x, v = checked_pairs(positions, drives)
         errors = np.empty_like(x)
         self._run(x, v, errors)
+        self._take_scalars()
         return errors
-
-    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
-        """Return the drive that another model predicts for the last displacement. Real-time safe.
-
-        Args:
-            weights: (2 M,) weights [a^l, a^r].
-            offset: Offset of the displacement.
-            scale: Scale of the displacement.
-        """
-        return predicted_drive(*self._seen, weights, offset, scale)
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, and restart their uncertainty.
@@ -112,6 +113,12 @@ class OnlineIdentifier(ABC):
         scalars = self._learner.scalars
         # A margin of 0 makes the next step check the condition of existence again.
         scalars[OFFSET], scalars[SCALE], scalars[SLOPE_MARGIN] = offset, scale, 0.0
+        self._take_scalars()
+
+    def _take_scalars(self) -> None:
+        """Take offset and scale from the kernel, as numbers of Python: they cost less to read."""
+        scalars: list[float] = self._learner.scalars.tolist()
+        self.offset, self.scale = scalars[OFFSET], scalars[SCALE]
 
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to another model; the uncertainty stays. Real-time safe.
@@ -125,6 +132,7 @@ class OnlineIdentifier(ABC):
         scalars[OFFSET] += share * (model.offset - scalars[OFFSET])
         scalars[SCALE] += share * (model.scale - scalars[SCALE])
         scalars[SLOPE_MARGIN] = 0.0  # as in `adopt`
+        self._take_scalars()
 
     @abstractmethod
     def expect_noise(self, variance: float) -> None:
@@ -140,18 +148,6 @@ class OnlineIdentifier(ABC):
         relax(self._memory)
         # The displacement at which the operator input is 0, as in the relaxed memory.
         self._learner.scalars[POSITION] = self.offset / (1.0 + self.scale)
-
-    @property
-    def offset(self) -> float:
-        """Offset of the displacement against the operator input, in units of the range."""
-        offset: float = self._learner.scalars.item(OFFSET)
-        return offset
-
-    @property
-    def scale(self) -> float:
-        """Relative gain of the operator input over the displacement: y = (1 + scale) x - offset."""
-        scale: float = self._learner.scalars.item(SCALE)
-        return scale
 
     @property
     def position(self) -> float:
@@ -192,8 +188,16 @@ class Shadowed:
             )
             raise ModelError(message)
         self._identifier = identifier
+        # Those of the identifier itself: a call less in each cycle.
+        self.predict: Callable[[FloatArray, float, float], float] = identifier.predict
+        """Returns the drive that a model of these weights, offset and scale predicts for the last
+        displacement."""
+        self.expect_noise: Callable[[float], None] = identifier.expect_noise
+        """Lets it trust the next pairs less if they have more noise than usual."""
         self.weights = identifier.weights
         """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place."""
+        self.offset, self.scale = identifier.offset, identifier.scale
+        """Offset and scale that it has learned; 0 if it learns none."""
         self._window, self._tolerance = window, tolerance
         self._shadow = LearnedModel.of(identifier)
         self._candidate = LearnedModel.of(identifier)  # the model at the start of the window
@@ -207,13 +211,14 @@ class Shadowed:
         # Only learned pairs count: in others the two models cannot differ by what was learned.
         if learn and math.isfinite(error):
             shadow = self._shadow
-            predicted = self._identifier.predict(shadow.weights, shadow.offset, shadow.scale)
+            predicted = self.predict(shadow.weights, shadow.offset, shadow.scale)
             shadow_error = drive - predicted
             self._squares += error * error
             self._shadow_squares += shadow_error * shadow_error
             self._pairs += 1
             if self._pairs == self._window:
                 self._compare()
+        self._take_scalars()
         return error
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
@@ -226,10 +231,6 @@ class Shadowed:
         pairs = zip(*checked_pairs(positions, drives), strict=True)
         return np.array([self.step(float(x), float(v)) for x, v in pairs])
 
-    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
-        """Return the drive that another model predicts for the last displacement."""
-        return self._identifier.predict(weights, offset, scale)
-
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, of the last good model too.
 
@@ -240,15 +241,16 @@ class Shadowed:
         # From the identifier, which may have projected the weights.
         self._candidate.assign(self._identifier)
         self._shadow.assign(self._identifier)
+        self._take_scalars()
         self._begin_window()
+
+    def _take_scalars(self) -> None:
+        self.offset, self.scale = self._identifier.offset, self._identifier.scale
 
     def approach(self, model: LearnedModel, share: float) -> None:
         """Go a share of the way to another model; the uncertainty stays."""
         self._identifier.approach(model, share)
-
-    def expect_noise(self, variance: float) -> None:
-        """Trust the next pairs less if they have more noise than usual."""
-        self._identifier.expect_noise(variance)
+        self._take_scalars()
 
     def take_over(self, memory: Memory) -> None:
         """Take over the hysteresis memory of a stage of the same form, see `past`."""
@@ -258,16 +260,6 @@ class Shadowed:
         """Clear the hysteresis memory and start a new window; the learned model stays."""
         self._identifier.reset()
         self._begin_window()
-
-    @property
-    def offset(self) -> float:
-        """Offset of the displacement against the operator input; 0 if not learned."""
-        return self._identifier.offset
-
-    @property
-    def scale(self) -> float:
-        """Relative gain of the operator input over the displacement; 0 if not learned."""
-        return self._identifier.scale
 
     @property
     def position(self) -> float:

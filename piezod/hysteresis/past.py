@@ -18,7 +18,7 @@ from piezod.hysteresis.everett_memory import (
     displacement_beside,
     new_surface_memory,
 )
-from piezod.hysteresis.memory import FloatArray, Memory, assign_memory
+from piezod.hysteresis.memory import FloatArray, IntArray, Memory, assign_memory
 from piezod.jit import compiled
 
 
@@ -35,6 +35,9 @@ class Past(Protocol):
         Real-time safe.
         """
 
+    def step(self, drive: float, /) -> float:
+        """Follow one drive in [0, 1]; return the displacement. Real-time safe, each cycle."""
+
     def take_over(self, memory: Memory) -> None:
         """Go on from another memory of the same form."""
 
@@ -49,10 +52,10 @@ class StopPast:
 
     def __init__(self, bank: FloatArray, weights: FloatArray) -> None:
         self.memory = new_bank_memory(bank)
+        fixed = bank, np.empty(bank.shape[1]), weights
         # Bound once: a partial function adds no Python frame.
-        self.follow: Callable[[FloatArray], float] = partial(
-            _follow_stops, self.memory, bank, np.empty(bank.shape[1]), weights
-        )
+        self.follow: Callable[[FloatArray], float] = partial(_follow_stops, self.memory, *fixed)
+        self.step: Callable[[float], float] = partial(_step_stops, *self.memory, *fixed)
 
     def take_over(self, memory: Memory) -> None:
         """Go on from another memory of the same form."""
@@ -71,6 +74,9 @@ class SurfacePast:
         self.memory = new_surface_memory()
         self.follow: Callable[[FloatArray], float] = partial(
             _follow_surface, self.memory, coefficients, terms
+        )
+        self.step: Callable[[float], float] = partial(
+            _step_surface, *self.memory, coefficients, terms
         )
 
     def take_over(self, memory: Memory) -> None:
@@ -96,3 +102,38 @@ def _follow_surface(
     for k in range(drives.size):
         advance_drive(memory, terms, 0.0, drives[k])
     return displacement(coefficients, memory.now) + displacement_beside(memory, terms)
+
+
+# The fields of the tuple are passed one by one, see decision 3.
+@compiled
+def _step_stops(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    bank: FloatArray,
+    plays: FloatArray,
+    weights: FloatArray,
+    drive: float,
+) -> float:
+    memory = Memory(levels, values, now, last, counts)
+    position = position_for(memory, bank, plays, weights, drive)
+    advance_plays(memory, bank, 0.0, position)
+    return position
+
+
+@compiled
+def _step_surface(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    coefficients: FloatArray,
+    terms: FloatArray,
+    drive: float,
+) -> float:
+    memory = Memory(levels, values, now, last, counts)
+    advance_drive(memory, terms, 0.0, drive)
+    return displacement(coefficients, now) + displacement_beside(memory, terms)

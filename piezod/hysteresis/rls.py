@@ -19,6 +19,8 @@ up.
 Source: Ljung, System Identification, 2nd ed., section 11.2 (the Kalman filter interpretation).
 """
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
@@ -98,13 +100,18 @@ class RLSIdentifier(OnlineIdentifier):
         vectors[DECAY, -2] = np.sqrt(1.0 - offset_walk / OFFSET_BOUND)
         vectors[DECAY, -1] = np.sqrt(1.0 - scale_walk / SCALE_BOUND)
         walk = constrained_covariance(cells, weight_walk, offset_walk, scale_walk)
-        self._arguments = (
+        arguments = (
             *self._memory,
             *self._learner,
             self._covariance,
             walk,
             vectors,
             self._deadband,
+        )
+        # Bound once: a partial function adds no Python frame.
+        self._step, self._run_all = (
+            partial(rls_kernel.step, *arguments),
+            partial(rls_kernel.run, *arguments),
         )
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
@@ -114,16 +121,16 @@ class RLSIdentifier(OnlineIdentifier):
         no information about the slopes.
         """
         # The variance is not in the tuple, because callers change it between steps.
-        return rls_kernel.step(
-            *self._arguments, self.measurement_variance, float(position), float(drive), learn
-        )
+        error = self._step(self.measurement_variance, float(position), float(drive), learn)
+        self._take_scalars()
+        return error
 
     def expect_noise(self, variance: float) -> None:
         """Trust the next pairs less if they have more noise than usual. Real-time safe."""
         self.measurement_variance = self._usual_variance * max(variance / MEASUREMENT_VARIANCE, 1.0)
 
     def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
-        rls_kernel.run(*self._arguments, self.measurement_variance, positions, drives, errors)
+        self._run_all(self.measurement_variance, positions, drives, errors)
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, and restart their covariance.

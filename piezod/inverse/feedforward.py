@@ -6,7 +6,7 @@ import numpy as np
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
-from piezod.control.guard import Limits, Window
+from piezod.control.guard import Limits, Window, admit_within
 from piezod.control.law.axis import what_limits
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
@@ -63,14 +63,14 @@ class Feedforward:
     def force(self, drive_v: float) -> float:
         """Follow a voltage, in V; return it within the limits. Real-time safe."""
         window = self._limits.window(self.in_force_v, self._period_s)
-        forced_v, self._beyond = window.admit(drive_v, self.in_force_v), False
-        return self._write(_NO_COMMAND, Window(forced_v, forced_v))
+        forced_v, self._beyond = admit_within(window, drive_v, self.in_force_v), False
+        return self._write(_NO_COMMAND, (forced_v, forced_v))
 
     def _write(self, command: float, window: Window) -> float:
         drive_v, compensator = self._model.drive_v, self._compensator
-        low, high = drive_v.to_unit(window.low_v), drive_v.to_unit(window.high_v)
+        low, high = drive_v.to_unit(window[0]), drive_v.to_unit(window[1])
         drive = compensator.step(command, low, high, compensator.weights)
-        self.in_force_v = window.admit(drive_v.from_unit(drive), self.in_force_v)
+        self.in_force_v = admit_within(window, drive_v.from_unit(drive), self.in_force_v)
         return self.in_force_v
 
     @property

@@ -239,7 +239,7 @@ class LoadedModel:
         from_v: float | None,
         after_v: npt.ArrayLike | None,
     ) -> Feedforward:
-        low_v, high_v, _ = self.limits
+        low_v, high_v = self.limits.drive_min_v, self.limits.drive_max_v
         if from_v is not None and not low_v <= from_v <= high_v:
             message = f"from_v is {from_v:g} V, allowed are {low_v:g} to {high_v:g} V"
             raise DataError(message)

@@ -182,7 +182,7 @@ STAGE_RECORDS: Final = (
     Record("STOP", Kind.COMMAND, "Ramp to the safe voltage, then SAFE"),
     Record("ESTOP", Kind.COMMAND, "Emergency stop"),
     Record("RESET", Kind.COMMAND, "Clear faults that are gone"),
-    Record("CONDITION", Kind.COMMAND, "Drive a decaying swing"),
+    Record("CONDITION", Kind.COMMAND, "Swing over the whole range"),
     Record("LEASE", Kind.SET_CHOICE, "Lease of this IOC", choices=("as needed", "keep")),
     Record("REC:LABEL", Kind.SET_TEXT, "Part of the name of the next recording", start=""),
     Record("REC:START", Kind.COMMAND, "Start recording every cycle"),

@@ -174,7 +174,7 @@ class Reset(ConfigModel):
 
 
 class Condition(ConfigModel):
-    """Drive a decaying swing, which makes the hysteresis memory known.
+    """Swing over the whole range, which makes the hysteresis memory known.
 
     The stage ends at the rest voltage.
     """

@@ -114,7 +114,7 @@ class FaultyDevice:
         accepted = self.inner.write(sent_v, now_ns)
         if accepted:
             self._drive_v = sent_v
-        return accepted
+        return accepted and not self._any(InjectionKind.UNACKNOWLEDGED, now_ns)
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the voltages in force, changed by the faults."""

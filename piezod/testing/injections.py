@@ -30,6 +30,8 @@ class InjectionKind(StrEnum):
     """The last sample before the fault is repeated, with its time stamp."""
     REFUSED = "refused"
     """Writes are refused as a whole."""
+    UNACKNOWLEDGED = "unacknowledged"
+    """Writes are taken, and told as refused."""
     STUCK_OUTPUT = "stuck output"
     """Writes are acknowledged, but the voltage stays."""
     READ_BACK_OFFSET = "read-back offset"

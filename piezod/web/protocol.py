@@ -3,6 +3,7 @@
 import asyncio
 from typing import Final
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import CloseCode
@@ -19,7 +20,17 @@ class PageProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as the base
         """Wait for the first request, up to the limit."""
         super().connection_made(transport)
-        self.loop.call_later(REQUEST_S, self._end_without_request)
+        self._limit = self.loop.call_later(REQUEST_S, self._end_without_request)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End the connection."""
+        self._limit.cancel()
+        super().connection_lost(exc)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Hand the connection over: a WebSocket lasts longer."""
+        self._limit.cancel()
+        super().handle_websocket_upgrade(event)
 
     def send_400_response(self, msg: str) -> None:
         """Refuse data that is not HTTP; a request that it follows gets no other answer."""
@@ -28,7 +39,7 @@ class PageProtocol(H11Protocol):
             self.cycle.disconnected = True
 
     def _end_without_request(self) -> None:
-        if self.cycle is None and self.transport.get_protocol() is self:
+        if self.cycle is None:
             self.transport.abort()
 
 

@@ -80,6 +80,12 @@ def rig(folder: Path) -> Iterator[EmulatedRig]:
         yield driver
 
 
+def wait_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give a loop process that still lives, and an output that does not follow, no time."""
+    monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", -1.0)
+    monkeypatch.setattr("piezod.daemon.durations.OUTPUT_WAIT_S", 0.0)
+
+
 def in_force_v(driver: EmulatedRig) -> float:
     """Return the read-back voltage of a rig, in V."""
     driver.open()
@@ -118,7 +124,7 @@ def test_rig_that_has_gone_is_unknown(
     piezod: Command, paths: StagePaths, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a device the last words are the voltage that stays, with exit code 74."""
-    monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", 0.0)
+    wait_for_nothing(monkeypatch)
     LastOutputWriter(paths.output_map, 1).note([60.0], 1)
     code, out, err = piezod("safe", "stage.yaml")
 
@@ -190,7 +196,7 @@ def test_loop_that_does_not_end_is_not_joined(
     piezod: Command, paths: StagePaths, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A loop process that does not end is named with exit code 75, and nothing is written."""
-    monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", -1.0)
+    wait_for_nothing(monkeypatch)
     with device_lock(paths.loop_lock):
         code, _, err = piezod("safe", "stage.yaml")
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from piezod.control.guard import Guard
+from piezod.control.guard import Admitted, Guard
 from tests.control.guard_properties import (
     ASKED_V,
     ELAPSED_S,
@@ -21,12 +21,18 @@ from tests.control.guard_properties import (
 
 T_NS = 5_000_000
 PERIOD_S = 1e-3
+TOLD = ("drive_v", "held", "refused", "range_limited", "slew_limited", "stale", "waits")
 PLANNED_NS = st.sampled_from((0, 0, 0, 1, -1_000_000))
 
 
 def guard() -> Guard:
     """Return a guard of two axes. A constant would be made before a mutant changes the class."""
     return Guard(LIMITS, LONGEST_S)
+
+
+def told(admitted: Admitted) -> list[object]:
+    """Return all that the guard says."""
+    return [getattr(admitted, name) for name in TOLD]
 
 
 @pytest.mark.fault("A5")
@@ -62,7 +68,7 @@ def test_voltage_that_is_not_a_number_moves_nothing(asked_v: float) -> None:
     """The axis is reported as refused; the other axis continues."""
     admitted = guard().admit(T_NS, T_NS, [asked_v, 40.1], [75.0, 40.0], PERIOD_S)
 
-    assert admitted == ([75.0, 40.1], (), (0,), (), (), False, ())
+    assert told(admitted) == [[75.0, 40.1], (), (0,), (), (), False, ()]
 
 
 def test_unknown_voltage_in_force_forbids_a_write() -> None:
@@ -79,7 +85,7 @@ def test_plan_for_another_cycle_moves_nothing(planned_ns: int) -> None:
     """Every voltage stays, and the result is marked as stale."""
     admitted = guard().admit(planned_ns, T_NS, [20.0, 60.0], [30.0, 40.0], PERIOD_S)
 
-    assert admitted == ([30.0, 40.0], (), (), (), (), True, ())
+    assert told(admitted) == [[30.0, 40.0], (), (), (), (), True, ()]
 
 
 def test_range_and_slew_rate_are_reported_separately() -> None:
@@ -88,9 +94,9 @@ def test_range_and_slew_rate_are_reported_separately() -> None:
     too_fast = guard().admit(T_NS, T_NS, [0.0, 1.0], [0.0, 0.0], PERIOD_S)
     both = guard().admit(T_NS, T_NS, [0.0, 200.0], [0.0, 0.0], PERIOD_S)
 
-    assert too_far == ([150.0, 0.0], (), (), (0,), (), False, ())
-    assert too_fast == ([0.0, 0.5], (), (), (), (1,), False, ())
-    assert both == ([0.0, 0.5], (), (), (1,), (1,), False, ())
+    assert told(too_far) == [[150.0, 0.0], (), (), (0,), (), False, ()]
+    assert told(too_fast) == [[0.0, 0.5], (), (), (), (1,), False, ()]
+    assert told(both) == [[0.0, 0.5], (), (), (1,), (1,), False, ()]
 
 
 @pytest.mark.parametrize("elapsed_s", [LONGEST_S, 0.1, 10.0, 1e300])

@@ -51,13 +51,13 @@ def test_admitted_voltage_is_the_nearest_in_the_window(
     window = LIMITS.window(previous_v, CYCLE_S)
     drive_v = LIMITS.admit(requested_v, previous_v, CYCLE_S)
 
-    assert window.low_v <= window.high_v
+    assert window[0] <= window[1]
     if not math.isfinite(requested_v):
         assert drive_v == previous_v
-    elif requested_v < window.low_v:
-        assert drive_v == window.low_v
-    elif requested_v > window.high_v:
-        assert drive_v == window.high_v
+    elif requested_v < window[0]:
+        assert drive_v == window[0]
+    elif requested_v > window[1]:
+        assert drive_v == window[1]
     else:
         assert drive_v == requested_v
 
@@ -74,10 +74,10 @@ def test_window_ends_at_the_nearer_of_range_and_reach(edge: float) -> None:
     """Near an end of the range the range limits, elsewhere the slew rate."""
     previous_v = min(max(edge, -10.0), 150.0)
 
-    window = LIMITS.window(previous_v, CYCLE_S)
+    low_v, high_v = LIMITS.window(previous_v, CYCLE_S)
 
-    assert window.low_v == pytest.approx(max(previous_v - REACH_V, -10.0), abs=1e-12)
-    assert window.high_v == pytest.approx(min(previous_v + REACH_V, 150.0), abs=1e-12)
+    assert low_v == pytest.approx(max(previous_v - REACH_V, -10.0), abs=1e-12)
+    assert high_v == pytest.approx(min(previous_v + REACH_V, 150.0), abs=1e-12)
 
 
 @pytest.mark.parametrize(("high_v", "allowed_v"), [(150.0, 0.8), (90.0, 0.5), (20.0, 0.5)])

@@ -62,6 +62,23 @@ def test_missing_model_is_a_warning(tmp_path: Path, stage: str, borrow: str) -> 
     )
 
 
+@pytest.mark.parametrize(
+    ("wait_ms", "rate_hz", "told"), [(5, 500, 0), (1500, 500, 1), (1500, 1, 0), (3000, 1, 1)]
+)
+def test_wait_that_may_end_the_loop_is_a_warning(
+    tmp_path: Path, wait_ms: int, rate_hz: int, told: int
+) -> None:
+    """A loop that stands still for long is killed: no device may be awaited that long."""
+    text = (CONFIG / "devices/canopen-401.yaml").read_text(encoding="utf-8")
+    text = text.replace("timeout_ms: 5", f"timeout_ms: {wait_ms}")
+    text = text.replace("rate_hz: 500", f"rate_hz: {rate_hz}")
+    (tmp_path / "stage.yaml").write_text(text.replace("../models", str(MODELS)), "utf-8")
+
+    assert (
+        sum("timeout_ms" in each for each in check_file(tmp_path / "stage.yaml").warnings) == told
+    )
+
+
 def test_unknown_first_mode_is_a_warning(tmp_path: Path) -> None:
     """Learning allows for a slow mode only if the configuration or the model tells it."""
     known = checked("simulated.yaml", tmp_path)

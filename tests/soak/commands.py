@@ -181,7 +181,7 @@ class Commands:
         match status.state:
             case State.SAFE:
                 await self._stage.reset(engineer=True)
-                await self._stage.arm()
+                await self._arm()
             case State.FAULT | State.ESTOP:
                 await self._stage.reset(engineer=True)
             case State.READY if self._unknown:
@@ -197,6 +197,15 @@ class Commands:
             case State.HOLD:
                 self._observer.asked(State.RAMP)
                 await self._stage.stop()
+
+    async def _arm(self) -> None:
+        """Arm; where nothing tells the voltage, look at the amplifier once its faults are over."""
+        try:
+            await self._stage.arm()
+        except RefusedError as error:
+            if "--confirm-output" not in str(error) or self._machine.clock.t_ns <= self._quiet_ns:
+                raise
+            await self._stage.arm(confirm_output=True)
 
     # ------------------------------------------------------------------ acts
 

@@ -23,6 +23,7 @@ FAULTS: Final[tuple[tuple[InjectionKind, float, DeviceFlag], ...]] = (
     (K.LATE, 0.3 * NS_PER_S, DeviceFlag.OVERLOAD),
     (K.DUPLICATE, nan, DeviceFlag.OVERLOAD),
     (K.REFUSED, nan, DeviceFlag.OVERLOAD),
+    (K.UNACKNOWLEDGED, nan, DeviceFlag.OVERLOAD),
     (K.LOST, nan, DeviceFlag.DISCONNECTED),
     (K.LOST, nan, DeviceFlag.BUS_OFF),
     (K.READ_RAISES, nan, DeviceFlag.OVERLOAD),

@@ -10,9 +10,9 @@ import pytest
 from piezod.cli import exit_codes
 from piezod.cli.daemon.shipped import shipped
 from piezod.config.daemon import LoopConfig
+from piezod.config.hung import HUNG_S
 from piezod.daemon import service_files
 from piezod.daemon.durations import RAMP_DOWN_PATIENCE_S
-from piezod.daemon.stage.connection import HUNG_S
 from piezod.daemon.supervisor.loop_run import END_GRACE_S
 
 EXPOSURE_AT_MOST = 1.5

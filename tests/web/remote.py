@@ -1,9 +1,11 @@
 """Another computer: certificates, and what it sends to `piezod web` over TLS."""
 
 import json
+import socket
 import ssl
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from shutil import which
 from typing import Any
@@ -47,8 +49,18 @@ class Remote:
     def __init__(self, web: Web, folder: Path) -> None:
         assert web.certificate is not None
         self.web, self.url = web, f"https://127.0.0.1:{web.port}"
-        self._trusted = ssl.create_default_context(cafile=web.certificate.file)
+        self.trusted = ssl.create_default_context(cafile=web.certificate.file)
         self._token_file = folder / "token"
+
+    @contextmanager
+    def connection(self) -> Iterator[ssl.SSLSocket]:
+        """Yield an encrypted connection on which nothing was sent."""
+        address = ("127.0.0.1", self.web.port)
+        with (
+            socket.create_connection(address, timeout=20.0) as plain,
+            self.trusted.wrap_socket(plain, server_hostname=address[0]) as encrypted,
+        ):
+            yield encrypted
 
     def environ(self, token: str | None = None) -> dict[str, str]:
         """Return the environment of a client; by default with the token of the user."""
@@ -68,7 +80,7 @@ class Remote:
         given: Mapping[str, str] = {"Authorization": f"Bearer {token}"} if token else {}
         content = None if body is None else json.dumps(body)
         kind = {"Content-Type": "application/json"} if content else {}
-        with httpx.Client(verify=self._trusted, timeout=20) as client:
+        with httpx.Client(verify=self.trusted, timeout=20) as client:
             return client.request(
                 method, f"{self.url}{path}", headers={**given, **kind, **headers}, content=content
             )

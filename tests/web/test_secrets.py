@@ -1,17 +1,20 @@
 """Tokens, keys and certificates: who may use the server from elsewhere, and what stays secret."""
 
+import asyncio
+import json
 import os
 import re
 import socket
 import ssl
 import subprocess
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 import typer
-from websockets.sync.client import connect
+from websockets.asyncio.client import connect
 from websockets.typing import Origin
 
 from piezod.cli.daemon.web import web as web_command
@@ -19,11 +22,13 @@ from piezod.client.place import Place, find_place
 from piezod.config.private_files import kept_token, read_token
 from piezod.errors import ClientError, DataError, PiezodError
 from piezod.messages.endpoints import Role
+from piezod.web import protocol
 from piezod.web.access import Secrets, kept_tokens
 from piezod.web.encryption import Certificate, check_certificate
 from piezod.web.server import WebPlan, bind, serve
 from tests.daemon.service.fakes import Served
-from tests.web.browser import Tab
+from tests.daemon.service.raw import read_to_end
+from tests.web.browser import Document
 from tests.web.remote import Remote, new_certificate
 
 TOKEN = "t" * 43
@@ -161,28 +166,61 @@ def test_name_of_the_certificate_is_served(remote: Remote) -> None:
     assert answer.json()["state"] == "SAFE"
 
 
-def test_tab_of_a_viewer_moves_nothing(remote: Remote, daemon: Served, tmp_path: Path) -> None:
-    """The page that was opened with the token of a viewer shows stages, and stops them."""
-    web = remote.web
-    answer = remote.request("GET", f"/?token={web.access.tokens.viewer}")
-    cookie = answer.headers["set-cookie"].partition(";")[0]
-    assert web.certificate is not None
-    learn = {"command_um": {}, "do": "learn", "stage": "bench", "axis": "x"}
-    with connect(
-        f"wss://127.0.0.1:{web.port}/ws",
-        ssl=ssl.create_default_context(cafile=web.certificate.file),
+async def _answers(remote: Remote, cookie: str, messages: Sequence[Document]) -> list[Document]:
+    """Return the answers to messages of a tab.
+
+    One thread does all: Python 3.11 does not let two threads share a TLS socket.
+    """
+    answers = list[Document]()
+    async with connect(
+        f"wss://127.0.0.1:{remote.web.port}/ws",
+        ssl=remote.trusted,
         origin=Origin(remote.url),
         additional_headers={"Cookie": cookie},
     ) as connection:
-        tab = Tab(connection)
-        assert tab.ask(do="stages")["ok"]
-        refused = [tab.call("/v1/arm"), tab.ask(**learn), tab.ask(do="end_job", stage="bench")]
-        assert tab.call("/v1/status", method="GET")["ok"]
-        assert tab.ask(do="estop", stage="bench")["ok"]
+        for number, message in enumerate(messages, 1):
+            await connection.send(json.dumps({"id": number, **message}))
+            async with asyncio.timeout(20):
+                while (answer := json.loads(await connection.recv())).get("id") != number:
+                    pass
+            answers.append(answer)
+    return answers
 
-    assert [each["error"]["code"] for each in refused] == ["forbidden"] * 3
+
+def test_tab_of_a_viewer_moves_nothing(remote: Remote, daemon: Served, tmp_path: Path) -> None:
+    """The page that was opened with the token of a viewer shows stages, and stops them."""
+    answer = remote.request("GET", f"/?token={remote.web.access.tokens.viewer}")
+    cookie = answer.headers["set-cookie"].partition(";")[0]
+    learn = {"do": "learn", "command_um": {}, "axis": "x"}
+    arm, status = (
+        {"do": "call", "method": method, "path": path, "body": None}
+        for method, path in (("POST", "/v1/arm"), ("GET", "/v1/status"))
+    )
+    of_a_stage = [
+        {"stage": "bench", **each}
+        for each in (arm, learn, {"do": "end_job"}, status, {"do": "estop"})
+    ]
+
+    answers = asyncio.run(_answers(remote, cookie, [*of_a_stage, {"do": "stages"}]))
+
+    assert [each["error"]["code"] for each in answers[:3]] == ["forbidden"] * 3
+    assert [each["ok"] for each in answers[3:]] == [True] * 3
     assert daemon.called() == 1
     assert not (tmp_path / "tables").exists()
+
+
+def test_limit_of_a_request_ends_with_its_connection(
+    remote: Remote, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A WebSocket over TLS that was closed is left alone by the limit of time of its request."""
+    monkeypatch.setattr(protocol, "REQUEST_S", 0.1)
+    answer = remote.request("GET", f"/?token={remote.web.access.tokens.viewer}")
+
+    asyncio.run(_answers(remote, answer.headers["set-cookie"].partition(";")[0], []))
+    with remote.connection() as later:
+        assert read_to_end(later) == b""  # ends by a limit that began after that of the WebSocket
+
+    assert not [each for each in caplog.records if each.name == "asyncio"]
 
 
 @pytest.mark.parametrize("source", ["127.0.0.1", "127.0.0.3"])

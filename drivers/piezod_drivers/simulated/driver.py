@@ -166,17 +166,17 @@ class SimulatedRig:
         if not self._active or len(drive_v) != len(driven):
             return False
         # All voltages are checked before one is commanded; NaN compares false.
-        for axis_model, command_v in zip(driven, drive_v, strict=True):
-            if not axis_model.lowest_v <= command_v <= axis_model.highest_v:
+        for i, axis_model in enumerate(driven):
+            if not axis_model.lowest_v <= drive_v[i] <= axis_model.highest_v:
                 return False
         t_ns = self._played_to(now_ns)
         if self._playing:
             return False
-        for axis_model, command_v in zip(driven, drive_v, strict=True):
+        for i, axis_model in enumerate(driven):
             plant = axis_model.plant
             if plant.now_ns != t_ns:
                 plant.advance_to(t_ns)
-            plant.command_v = float(command_v)
+            plant.command_v = float(drive_v[i])
         return True
 
     def read_back(self, now_ns: int) -> Sequence[float]:

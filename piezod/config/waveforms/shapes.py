@@ -1,7 +1,6 @@
 """Waveforms that a formula gives: a constant, and those that swing, with the envelopes of a swing.
 
-A value is plain Python on floats: it takes well under a microsecond and allocates no array.
-Rounding never moves a value out of the bounds. A swing starts at its lowest value and rises, so
+A swing starts at its lowest value and rises, so
 that with `low: 0` it leaves the rest position without a step.
 """
 
@@ -14,26 +13,28 @@ from pydantic import Field
 
 from piezod.config.fields import BrokenRule, Quantity
 from piezod.config.quantities import DurationS, Fraction, FrequencyHz, Level, Size
+from piezod.config.waveforms import formulas
+from piezod.config.waveforms.formulas import Value
 from piezod.config.waveforms.waveform import (
     Budget,
     Packed,
     Swinging,
     Timed,
-    Value,
     Waveform,
     WaveformModel,
     by_kind,
 )
-
-_TWO_PI: Final = 2.0 * math.pi
 
 
 class EnvelopeModel(Timed):
     """The change of a swing over time."""
 
     @abstractmethod
-    def scale(self) -> tuple[Value, float]:
-        """Return the swing over time from 0 s on, 0 to 1, and by how many Hz it is faster."""
+    def scale(self) -> tuple[Value | None, float]:
+        """Return the swing over time from 0 s on, 0 to 1, and by how many Hz it is faster.
+
+        None in place of the first if the swing is 1 at all times.
+        """
 
 
 class ConstantEnvelope(EnvelopeModel):
@@ -41,9 +42,9 @@ class ConstantEnvelope(EnvelopeModel):
 
     kind: Literal["constant"] = "constant"
 
-    def scale(self) -> tuple[Value, float]:
+    def scale(self) -> tuple[Value | None, float]:
         """Return 1 at all times."""
-        return lambda _: 1.0, 0.0
+        return None, 0.0
 
 
 class ModulatedEnvelope(EnvelopeModel):
@@ -53,10 +54,9 @@ class ModulatedEnvelope(EnvelopeModel):
     depth: Fraction = Field(description="1 - smallest swing / full swing, 0 to 1.")
     frequency_hz: FrequencyHz = Field(description="Frequency of the modulation, Hz.")
 
-    def scale(self) -> tuple[Value, float]:
+    def scale(self) -> tuple[Value | None, float]:
         """Return 1 minus a raised cosine; a modulated sine has side bands in this distance."""
-        depth, cosine = self.depth, _raised_cosine(self.frequency_hz)
-        return lambda t_s: 1.0 - depth * cosine(t_s), self.frequency_hz
+        return formulas.modulated(self.depth, self.frequency_hz), self.frequency_hz
 
 
 class DecayingEnvelope(EnvelopeModel):
@@ -66,10 +66,9 @@ class DecayingEnvelope(EnvelopeModel):
     time_constant_s: DurationS = Field(description="Time constant of the decay, s.")
     final_fraction: Fraction = Field(default=0.0, description="Final swing / full swing, 0 to 1.")
 
-    def scale(self) -> tuple[Value, float]:
+    def scale(self) -> tuple[Value | None, float]:
         """Return an exponential from 1 to the final fraction."""
-        time_constant_s, final = self.time_constant_s, self.final_fraction
-        return lambda t_s: final + (1.0 - final) * math.exp(-t_s / time_constant_s), 0.0
+        return formulas.decaying(self.time_constant_s, self.final_fraction), 0.0
 
 
 Envelope: TypeAlias = ConstantEnvelope | ModulatedEnvelope | DecayingEnvelope
@@ -123,18 +122,10 @@ class Enveloped(Swinging, Formula):
 
     def formula(self) -> Waveform:
         """Return the swing, scaled by the envelope about its anchor."""
-        low, high, span = self.low, self.high, self.high - self.low
         anchor = 0.5 if self.anchor == "middle" else 0.0
         (part, part_hz), (scale, scale_hz) = self.part(), self.envelope.scale()
-
-        def value(t_s: float) -> float:
-            # Before its start, and for NaN, a waveform has its first value.
-            elapsed_s = t_s if t_s > 0.0 else 0.0
-            swing = scale(elapsed_s) * (part(elapsed_s) - anchor)
-            level = low + span * (anchor + swing)
-            return level if level < high else high
-
-        return Waveform(value, low, high, part_hz + scale_hz)
+        value = formulas.swing(part, scale, self.low, self.high, anchor)
+        return Waveform(value, self.low, self.high, part_hz + scale_hz)
 
     @classmethod
     def unpacked(cls, packed: Packed) -> Waveform:
@@ -166,7 +157,7 @@ class Sine(Periodic):
 
     def part(self) -> tuple[Value, float]:
         """Return a raised cosine."""
-        return _raised_cosine(self.frequency_hz), self.frequency_hz
+        return formulas.raised_cosine(self.frequency_hz), self.frequency_hz
 
 
 class Triangle(Periodic):
@@ -176,8 +167,7 @@ class Triangle(Periodic):
 
     def part(self) -> tuple[Value, float]:
         """Return straight lines up and down."""
-        frequency_hz = self.frequency_hz
-        return lambda t_s: 1.0 - abs(1.0 - 2.0 * (frequency_hz * t_s % 1.0)), frequency_hz
+        return formulas.triangle(self.frequency_hz), self.frequency_hz
 
 
 AnyPeriodic: TypeAlias = Sine | Triangle
@@ -198,20 +188,9 @@ class Chirp(Enveloped):
 
     def part(self) -> tuple[Value, float]:
         """Return a raised cosine; its phase, the integral of the frequency, has no steps."""
-        from_hz, to_hz, sweep_s = self.from_hz, self.to_hz, self.sweep_s
-        slope, rate = 0.5 * (to_hz - from_hz) / sweep_s, math.log(to_hz / from_hz) / sweep_s
-        linear = self.sweep == "linear" or not rate
-
-        def part(t_s: float) -> float:
-            swept_s = t_s if t_s < sweep_s else sweep_s
-            if linear:
-                turns = (from_hz + slope * swept_s) * swept_s
-            else:
-                turns = from_hz * math.expm1(rate * swept_s) / rate
-            turns += to_hz * (t_s - swept_s)
-            return 0.5 - 0.5 * math.cos(_TWO_PI * (turns % 1.0))
-
-        return part, max(from_hz, to_hz)
+        linear = self.sweep == "linear"
+        part = formulas.chirp(self.from_hz, self.to_hz, self.sweep_s, linear=linear)
+        return part, max(self.from_hz, self.to_hz)
 
 
 class Component(Timed):
@@ -242,15 +221,7 @@ class Multisine(Formula):
             (part.amplitude, part.frequency_hz, math.radians(part.phase_deg))
             for part in self.components
         ]
-
-        def value(t_s: float) -> float:
-            elapsed_s = t_s if t_s > 0.0 else 0.0
-            level = low
-            for amplitude, frequency_hz, phase in components:
-                angle = _TWO_PI * (frequency_hz * elapsed_s % 1.0) + phase
-                level += amplitude * (1.0 - math.cos(angle))
-            return level
-
+        value = formulas.multisine(low, components)
         return Waveform(value, low, high, max(each.frequency_hz for each in self.components))
 
     def packed(self, duration_s: float, budget: Budget) -> Packed:
@@ -267,8 +238,3 @@ class Multisine(Formula):
 
 AnyFormula: TypeAlias = Setpoint | AnyPeriodic | Chirp | Multisine
 """Every waveform of this file."""
-
-
-def _raised_cosine(frequency_hz: float) -> Value:
-    """Return 0 to 1 and back to 0 in each period."""
-    return lambda t_s: 0.5 - 0.5 * math.cos(_TWO_PI * (frequency_hz * t_s % 1.0))

@@ -6,7 +6,7 @@ key: µm under `command_um`, V under `drive_v`.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any, Final, Self, TypeAlias, get_args
@@ -15,15 +15,9 @@ from pydantic import Field, model_validator
 
 from piezod.config.fields import ConfigModel, Quantity, raise_rules
 from piezod.config.quantities import Level
+from piezod.config.waveforms.formulas import Value
 from piezod.errors import PiezodError
 
-Value: TypeAlias = Callable[[float], float]
-"""Value over time: seconds since the start to a value. Real-time safe.
-
-It depends on the time alone, so that it can be evaluated for any instant, in any order. Before its
-start a waveform has its first value. Evaluation never raises; for a time that is not finite the
-result is one of the values of the waveform, or NaN.
-"""
 Packed: TypeAlias = dict[str, Any]
 """What the loop needs of a waveform: plain values, bytes, lists and dicts, with its `kind`."""
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from piezod.config.drive_limits import DriveLimit
 from piezod.config.modes import Mode
-from piezod.control.guard import Limits, Window
+from piezod.control.guard import Limits, admit_within
 from piezod.control.law.compensator import Compensator, DriveHistory
 from piezod.control.law.dynamics import ModalMotion
 from piezod.control.law.identifier import Identifier
@@ -23,6 +23,7 @@ from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
 
 _ROUNDING: Final = 1e-9  # of normalised units
+_FREE: Final = DriveLimit.NONE
 
 
 TimeFunction = Callable[[float], float]
@@ -50,7 +51,7 @@ class AxisOutput:
         uncompensated_v: float,
         in_force_v: float,
         t_ns: int,
-        limited: DriveLimit = DriveLimit.NONE,
+        limited: DriveLimit = _FREE,
     ) -> None:
         self.drive_v, self.command_um, self.uncompensated_v = drive_v, command_um, uncompensated_v
         self.in_force_v, self.t_ns, self.limited = in_force_v, t_ns, limited
@@ -248,23 +249,23 @@ class CompensatedAxis:
         ahead = (self._shaped_reference.value(t_s + self._lookahead_s) - low_um) / width_um
         window = self.limits.window(in_force_v, self._period_s)
         if forced:
-            drive_v = window.admit(self._forced_v, in_force_v)
+            drive_v = admit_within(window, self._forced_v, in_force_v)
             # A window of no width makes the compensator follow the forced voltage, with its memory.
-            window = Window(drive_v, drive_v)
+            window = drive_v, drive_v
         low_v, width_v, adaptation = self._low_v, self._width_v, identifier.adaptation
         drive = compensator.step(
             ahead,
-            (window.low_v - low_v) / width_v,
-            (window.high_v - low_v) / width_v,
+            (window[0] - low_v) / width_v,
+            (window[1] - low_v) / width_v,
             adaptation.weights,
             adaptation.offset,
             adaptation.scale,
             trim,
         )
-        drive_v = window.admit(low_v + drive * width_v, in_force_v)
+        drive_v = admit_within(window, low_v + drive * width_v, in_force_v)
         # Paper, section 3: x_r = V_r in normalised units.
         uncompensated_v = low_v + (command_um - low_um) / width_um * width_v
-        by = DriveLimit.NONE if forced else what_limits(compensator, self.limits, drive_v)
+        by = _FREE if forced else what_limits(compensator, self.limits, drive_v)
         return AxisOutput(drive_v, command_um, uncompensated_v, in_force_v, t_ns, by)
 
     def applied(self, drive_v: float) -> None:
@@ -353,8 +354,8 @@ def what_limits(compensator: Compensator, limits: Limits, drive_v: float) -> Dri
         drive_v: The drive, in V.
     """
     if not compensator.limited:
-        return DriveLimit.RANGE if compensator.out_of_reach else DriveLimit.NONE
-    low_v, high_v, _ = limits
+        return DriveLimit.RANGE if compensator.out_of_reach else _FREE
+    low_v, high_v = limits.drive_min_v, limits.drive_max_v
     rounding_v = _ROUNDING * (high_v - low_v)
     inside = low_v + rounding_v < drive_v < high_v - rounding_v
     return DriveLimit.SLEW if inside else DriveLimit.RANGE

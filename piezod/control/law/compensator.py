@@ -21,6 +21,7 @@ import numpy as np
 
 from piezod.config.modes import Mode
 from piezod.control.law.creep import AT_REST, CreepState
+from piezod.control.law.kernel import BEYOND, CREPT, OUTSIDE, POSITION
 from piezod.control.law.kernels import new_kernel
 from piezod.control.law.pace import FOLLOWED_SHARE
 from piezod.hysteresis import LearnedModel, ModelForm
@@ -199,9 +200,10 @@ class Compensator:
 
     def _take_carried(self) -> None:
         """Take what the kernel has left, as numbers of Python: they cost less to read."""
-        _, _, self._beyond, self._outside, position, self._crept = self._kernel.carried.tolist()
-        self.position: float = position
-        """Displacement of the hysteresis after the last drive that was applied."""
+        carried: list[float] = self._kernel.carried.tolist()
+        self._beyond, self._outside = carried[BEYOND], carried[OUTSIDE]
+        self.position, self._crept = carried[POSITION], carried[CREPT]
+        """Displacement of the hysteresis after the last drive that was applied, and the creep."""
         self.limited = self._beyond != 0.0
         """Whether the window limited the last requested drive."""
 

@@ -1,7 +1,9 @@
 """Adaptation in the loop: which samples it learns from, how, and whether the result is better."""
 
 from collections import deque
-from math import isfinite, nan
+from collections.abc import Callable
+from functools import partial
+from math import nan
 from typing import Final, NamedTuple
 
 from piezod.config.gate_reasons import GateReason
@@ -29,7 +31,8 @@ STUCK_SWING: Final = 0.01
 """A sensor is stuck if its samples are equal while the drive moves by more than this share."""
 BESIDE_SHARE: Final = 0.1
 """Share of each accurate sample in the mean distance of the stage from what the model expects."""
-_COMPARABLE: Final = frozenset({GateReason.OPEN, GateReason.QUIET, GateReason.REPEATED})
+_OPEN: Final = GateReason.OPEN
+_COMPARABLE: Final = frozenset({_OPEN, GateReason.QUIET, GateReason.REPEATED})
 
 
 class LearningGate:
@@ -91,7 +94,7 @@ class LearningGate:
         """
         self.reason = self._decide(valid, age_ns, limited, drive, position)
         self.counts[self.reason] += 1
-        return self.reason is GateReason.OPEN
+        return self.reason is _OPEN
 
     def _decide(
         self, valid: bool, age_ns: int, limited: bool, drive: float, position: float
@@ -106,7 +109,7 @@ class LearningGate:
         if self._skipped_cycles:
             self._skipped_cycles -= 1
         self.credible = self.accurate = False
-        if not (valid and isfinite(position)):
+        if not (valid and position - position == 0.0):  # finite
             return GateReason.INVALID
         if age_ns > self._late_ns:
             return GateReason.LATE
@@ -124,7 +127,7 @@ class LearningGate:
         if quiet:
             return GateReason.QUIET
         # An equal sample may be the first of a stuck sensor, so it is not learned from.
-        return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
+        return GateReason.REPEATED if self._stuck.repeated else _OPEN
 
     def _obstacle(self, stuck: bool, noisy: bool) -> GateReason:
         """Return what forbids to learn from a sample that came in time."""
@@ -189,6 +192,10 @@ class Identifier:
         self._creep_weights, self._creep_gains = creep.creep
         self._zeroed = creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
+        # Bound once: a partial function adds no Python frame.
+        self._advance_creep: Callable[[float], float] = partial(
+            advance_creep, self._lags, self._creep_gains, self._creep_weights
+        )
         self._waiting = deque[_Arrived]()
         self._cycles_early = max(0, -(delay_ns // period_ns))
         self.gain_halved = self._skipped_last = False
@@ -296,7 +303,7 @@ class Identifier:
         would be wrong for long. As far as the stage was beside that before, it still is: a step to
         the model and back would make an extremum that the stage has not seen.
         """
-        crept = advance_creep(self._lags, self._creep_gains, self._creep_weights, self._quick)
+        crept = self._advance_creep(self._quick)
         if self._modal is not None:
             crept += self._modal.shown(sample_ns)
         self._drive = drive

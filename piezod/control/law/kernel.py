@@ -1,11 +1,16 @@
 """The compiled part of the compensator, which depends on the form of the model."""
 
-from typing import Protocol
+from typing import Final, Protocol
 
 from piezod.hysteresis.memory import FloatArray
 
-NEXT, COMMAND, BEYOND, OUTSIDE, POSITION, CREPT = 0, 1, 2, 3, 4, 5
-CARRIED = 6
+NEXT: Final = 0
+COMMAND: Final = 1
+BEYOND: Final = 2
+OUTSIDE: Final = 3
+POSITION: Final = 4
+CREPT: Final = 5
+CARRIED: Final = 6
 """Indices of the array that carries values to the next step.
 
 - NEXT: input to which the memory will advance if the drive was applied; NaN for none.

@@ -144,11 +144,12 @@ class ModelErrors:
     def __init__(
         self, form: ModelForm, first: LearnedModel, learned: Adaptable, memory: Memory | None
     ) -> None:
-        self._pasts = form.past(first.weights), form.past(learned.weights)
+        of_first, of_learned = form.past(first.weights), form.past(learned.weights)
         if memory is not None:
-            for past in self._pasts:
-                past.take_over(memory)
-        self._learned, self._drive = learned, np.zeros(1)
+            of_first.take_over(memory)
+            of_learned.take_over(memory)
+        self._learned = learned
+        self._step_first, self._step_learned = of_first.step, of_learned.step
         self.learned = self.first = nan
         """Measured minus predicted displacement of both, in units of the range."""
 
@@ -160,11 +161,10 @@ class ModelErrors:
             position: Displacement, with the zero of the model, normalised.
             crept: Part of it that creep and modes have added.
         """
-        self._drive[0] = min(max(drive, 0.0), 1.0)
-        first, learned = (past.follow(self._drive) for past in self._pasts)
-        self.first = position - crept - first
-        offset, stretch = self._learned.offset, 1.0 + self._learned.scale
-        self.learned = position - (learned + crept + offset) / stretch
+        drive = min(max(drive, 0.0), 1.0)
+        self.first = position - crept - self._step_first(drive)
+        shown = self._step_learned(drive) + crept + self._learned.offset
+        self.learned = position - shown / (1.0 + self._learned.scale)
 
 
 class LearnedUse:
@@ -195,7 +195,7 @@ class LearnedUse:
             first_error: Error of the identified model.
         """
         more = error * error - first_error * first_error
-        if not isfinite(more):
+        if more - more != 0.0:  # not finite
             return False
         self._sum += more
         self._samples += 1

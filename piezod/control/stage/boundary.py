@@ -114,8 +114,9 @@ class DeviceBoundary:
         """Voltages that the amplifiers acknowledged last; NaN if there are none, or if something
         else may have changed the output since."""
         self.sent_v: Sequence[float] | None = None
-        """Voltages that were sent last and not acknowledged, which may be in force or not; None if
-        the last write was acknowledged or not sent."""
+        """Voltages that were sent last and not acknowledged, which may be in force or not, also
+        after a loss; None if the last write was acknowledged, or if something else may have
+        changed the output since."""
         self.shadow = False
         """Whether writes are accepted and go nowhere."""
         self.withheld = False
@@ -164,8 +165,9 @@ class DeviceBoundary:
         """
         if self.shadow:
             return True
-        if not (self.open and self.active and self.writes):
+        if not self.writes:
             self.sent_v = None
+        if not (self.open and self.active and self.writes):
             return False
         before_v = self.sent_v or self._unknown_v
         sent_v = _with_held(drive_v, self._unknown_v, held) if held else drive_v
@@ -183,7 +185,7 @@ class DeviceBoundary:
 
     def forget_written(self) -> None:
         """Forget the last writes: something else may have changed the outputs since."""
-        self.written_v = self._unknown_v
+        self.written_v, self.sent_v = self._unknown_v, None
 
     def took_over(self, axis: int, drive_v: float) -> None:
         """Note that an output was taken over at a voltage, in V; NaN if it is unknown."""

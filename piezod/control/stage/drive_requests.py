@@ -25,7 +25,7 @@ def condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
 
 
 def condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
-    """Drive the decaying swing of some axes."""
+    """Drive the swings of some axes."""
     programs = {
         i: conditioning(stage.axes[i].config.conditioning, stage.axes[i].config.limits)
         for i in axes

@@ -297,8 +297,9 @@ class OutputJudge:
         tolerance_v = self._axes[index].law.limits.read_back_tolerance_v
         written_v, sample = self._boundary.written_v[index], self._watches[index].sensor.sample
         sent_v = self._boundary.sent_v[index] if self._boundary.sent_v is not None else nan
-        if abs(read_back_v - sent_v) <= tolerance_v:
-            written_v = sent_v  # it was not acknowledged, and is in force
+        low_v, high_v = min(written_v, sent_v), max(written_v, sent_v)
+        if abs(read_back_v - sent_v) <= tolerance_v or low_v <= read_back_v <= high_v:
+            written_v = read_back_v  # one of the writes that were not acknowledged is in force
         position_um = sample.position_um if sample.valid else nan
         moved = self._moved(index, read_back_v, position_um, t_ns) if t_ns else nan
         # A zero is proven where read-back and write have agreed at rest, and S9 found nothing. To

@@ -27,8 +27,11 @@ STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped if no setpoint came for this many cycles and for this time."""
 
 _OUTPUT_FELL: Final = (Fault.A7, Fault.A9)
+_RUN: Final = State.RUN
 _LOCAL_MODE: Final = mask([Fault.A8])
-_WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND, State.STOPPING})
+_WRITES_NOTHING: Final = frozenset(
+    {State.BOOT, State.SAFE, State.FAULT, State.BLIND, State.STOPPING}
+)
 _DOUBTING = mask(DOUBTING)
 _NO_REACTION: Final = Reaction.NONE
 _OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
@@ -135,9 +138,19 @@ def advance(
     """
     if stage.boundary.played and _play_goes_on(stage, t_ns, read_back_v):
         return
+    if stage.state is _RUN:  # most cycles
+        _run(stage, t_ns)
+    else:
+        _advance_beside_run(stage, t_ns, read_back_v)
+    if stage.state in _WRITES_NOTHING:
+        stage.track(read_back_v)
+    if stage.zero.runs:
+        _zero(stage, t_ns, samples)
+
+
+def _advance_beside_run(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
+    """Take the edges of the states in which no reference is followed."""
     match stage.state:
-        case State.RUN:
-            _run(stage, t_ns)
         case State.BOOT:
             _boot(stage, t_ns, read_back_v)
         case State.HOLD:
@@ -152,10 +165,6 @@ def advance(
             _take_over(stage, t_ns, read_back_v)
         case _:
             pass
-    if stage.state in _WRITES_NOTHING:
-        stage.track(read_back_v)
-    if stage.zero.runs:
-        _zero(stage, t_ns, samples)
 
 
 def _play_goes_on(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> bool:

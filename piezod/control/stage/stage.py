@@ -315,6 +315,8 @@ class Stage:
         written = before in DRIVEN and not (boundary.shadow or boundary.played)
         boundary.open, boundary.withheld = state in DRIVEN, False
         boundary.returned &= boundary.open
+        if not boundary.open and state is not State.BLIND:
+            boundary.sent_v = None  # whoever drives the stage next begins at its voltage
         if before is State.SAFE:
             self.judge.forget()
         if state in {State.RAMP, State.ESTOP} and before not in DRIVEN:

@@ -12,7 +12,7 @@ same detection.
 """
 
 from collections.abc import Sequence
-from math import inf, isfinite
+from math import inf
 from typing import Final
 
 from piezod.config.faults import Fault
@@ -109,7 +109,10 @@ class Oscillation:
         self._command_turns.add(command, limit)
         if self._cycles == 0:
             self._low = self._high = error
-        self._low, self._high = min(self._low, error), max(self._high, error)
+        if error < self._low:
+            self._low = error
+        elif error > self._high:
+            self._high = error
         self._cycles += 1
         if self._cycles == self._segment_cycles:
             needed = ALTERNATIONS + TURNS_PER_TURN * self._command_turns.count
@@ -191,7 +194,8 @@ class AdaptationWatch:
             self._oscillation.forget()
             # In an open loop the learned model does not act on the drive. It is saved and shown.
             return (Detection(Fault.D2, self._axis), *drifts)
-        if isfinite(command_um) and isfinite(position_um):
+        both_um = command_um - position_um
+        if both_um - both_um == 0.0:  # both are finite
             low_um, width_um = self._low_um, self._width_um
             self._oscillation.update(
                 (command_um - low_um) / width_um,

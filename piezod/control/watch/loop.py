@@ -6,7 +6,7 @@ is counted, and only lateness that lasts holds the stage. With `strict_rt` a sta
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import Case
@@ -43,14 +43,24 @@ _PARTS = 20  # the window slides by a twentieth of its length
 _NOTHING: Final[Sequence[Detection]] = ()
 
 
-class CycleTiming(NamedTuple):
-    """Timing of one cycle, reported by the loop, which has the clocks."""
+class CycleTiming:
+    """Timing of one cycle, reported by the loop, which has the clocks.
 
-    late_ns: int  #: Time from the deadline to the begin of the cycle, in ns.
-    skipped: int  #: Whole periods skipped just before the cycle.
-    busy_ns: int  #: Duration of the cycle before, in ns.
-    wall_offset_ns: int  #: CLOCK_REALTIME minus CLOCK_MONOTONIC, in ns.
-    boot_offset_ns: int  #: CLOCK_BOOTTIME minus CLOCK_MONOTONIC, in ns.
+    Args:
+        late_ns: Time from the deadline to the begin of the cycle, in ns.
+        skipped: Whole periods skipped just before the cycle.
+        busy_ns: Duration of the cycle before, in ns.
+        wall_offset_ns: CLOCK_REALTIME minus CLOCK_MONOTONIC, in ns.
+        boot_offset_ns: CLOCK_BOOTTIME minus CLOCK_MONOTONIC, in ns.
+    """
+
+    __slots__ = ("boot_offset_ns", "busy_ns", "late_ns", "skipped", "wall_offset_ns")
+
+    def __init__(
+        self, late_ns: int, skipped: int, busy_ns: int, wall_offset_ns: int, boot_offset_ns: int
+    ) -> None:
+        self.late_ns, self.skipped, self.busy_ns = late_ns, skipped, busy_ns
+        self.wall_offset_ns, self.boot_offset_ns = wall_offset_ns, boot_offset_ns
 
 
 class LoopWatch:
@@ -75,11 +85,11 @@ class LoopWatch:
         L7 over the window, and seconds for L4 and for a suspended machine (L5).
         """
         # A cycle that overran loses periods even if none was skipped yet.
-        late_ns, skipped, busy_ns, wall_offset_ns, boot_offset_ns = timing
+        skipped, busy_ns = timing.skipped, timing.busy_ns
         lost = skipped if busy_ns < self._period_ns else max(skipped, busy_ns // self._period_ns)
-        late = lost > 0 or late_ns > self._late_ns
+        late = lost > 0 or timing.late_ns > self._late_ns
         found = self._judge.check(skipped, lost, late=late)
-        jumps = self._jumps(wall_offset_ns, boot_offset_ns)
+        jumps = self._jumps(timing.wall_offset_ns, timing.boot_offset_ns)
         return [*jumps, *found] if jumps else found
 
     def _jumps(self, wall_offset_ns: int, boot_offset_ns: int) -> Sequence[Detection]:

@@ -67,6 +67,9 @@ class SampleScreen:
         If the stage is not driven, the sensor may not be zeroed yet, and any position is allowed.
         """
         cause = self._find_cause(t_ns, sample, flags)
+        if cause is None and not self._counting:  # most cycles
+            self.usable, self._usable_ns = True, t_ns
+            return _NOTHING
         if cause is Fault.S3 and not driven:
             cause = None
         late = cause is Fault.S6

@@ -112,7 +112,8 @@ class Loop:
         for axis, position_um, came_ns in self._stream.take():
             controller.stream_um(axis, position_um, came_ns)
         # The duration is that of the cycle before: this one has not ended.
-        timing = CycleTiming(tick.late_ns, tick.skipped, self._busy_ns, *clock_offsets_ns())
+        wall_ns, boot_ns = clock_offsets_ns()
+        timing = CycleTiming(tick.late_ns, tick.skipped, self._busy_ns, wall_ns, boot_ns)
         record = controller.cycle(t_ns, timing)
         # From here on nothing delays the write of this cycle.
         publisher.record(record, tick, timed, self._now_ns())

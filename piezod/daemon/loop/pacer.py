@@ -1,16 +1,21 @@
 """Keeps the period: absolute deadlines; sleep until shortly before one, spin for the rest."""
 
-from typing import NamedTuple
-
 from piezod.daemon.clock import Clock
 
 
-class Tick(NamedTuple):
-    """The beginning of a cycle."""
+class Tick:
+    """The beginning of a cycle.
 
-    deadline_ns: int  #: Instant at which it should begin.
-    late_ns: int  #: How long after the deadline it begins.
-    skipped: int  #: Whole periods skipped just before it.
+    Args:
+        deadline_ns: Instant at which it should begin.
+        late_ns: How long after the deadline it begins.
+        skipped: Whole periods skipped just before it.
+    """
+
+    __slots__ = ("deadline_ns", "late_ns", "skipped")
+
+    def __init__(self, deadline_ns: int, late_ns: int, skipped: int) -> None:
+        self.deadline_ns, self.late_ns, self.skipped = deadline_ns, late_ns, skipped
 
 
 class Pacer:

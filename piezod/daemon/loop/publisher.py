@@ -21,8 +21,10 @@ _STATES: Final = {id(state): place for place, state in enumerate(State)}
 _LOW: Final = (1 << 64) - 1
 _LEARNED_HZ: Final = 20
 # As plain integers: indexing with a member of an enumeration costs several times as much.
-_BEAT, _HEALTHY = int(Word.LOOP_BEAT_NS), int(Word.HEALTHY_CYCLES)
-_STATE, _SKIPPED = int(Word.LOOP_STATE), int(Word.SKIPPED_CYCLES)
+_BEAT: Final = int(Word.LOOP_BEAT_NS)
+_HEALTHY: Final = int(Word.HEALTHY_CYCLES)
+_STATE: Final = int(Word.LOOP_STATE)
+_SKIPPED: Final = int(Word.SKIPPED_CYCLES)
 
 
 class LearnedSource(Protocol):
@@ -62,7 +64,7 @@ class Publisher:
             timed: How long its phases took.
             end_ns: Instant at which it ended.
         """
-        deadline_ns, late_ns, skipped = tick
+        deadline_ns, late_ns, skipped = tick.deadline_ns, tick.late_ns, tick.skipped
         self._skipped += skipped
         write_late_ns = timed.write_begin_ns
         if write_late_ns != NOT_WRITTEN:

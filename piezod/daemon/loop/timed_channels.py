@@ -1,13 +1,14 @@
 """The devices of a stage, with the time that reading and writing took in a cycle."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from piezod.control.stage.boundary import StageDevices
 from piezod.daemon.clock import Clock
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.devices.interface import Sample
 
-NOT_WRITTEN = -1
+NOT_WRITTEN: Final = -1
 """Instead of the instant of a write, if a cycle wrote nothing."""
 
 

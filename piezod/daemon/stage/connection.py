@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from piezod.config.daemon import DaemonConfig, StageAxisConfig
 from piezod.config.faults import Fault
+from piezod.config.hung import hung_after_s
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
 from piezod.config.waveforms.waveform import WaveformCostError
@@ -27,13 +28,8 @@ from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
 from piezod.telemetry.succession import Succession, succession_of
 from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, s_to_ns
 
-HUNG_S: Final = 2.0
-"""A loop without a cycle for longer than this, in s, is killed. systemd's watchdog waits
-longer: it is for a supervisor that hangs itself."""
-HUNG_PERIODS: Final = 5
-"""The same in periods; the longer time counts."""
 LONG_GAP_NS: Final = NS_PER_S // 2
 """A longer gap between two updates does not count: what stopped the supervisor may have stopped the
 loop too."""
@@ -52,7 +48,7 @@ class LoopHealth:
     def __init__(self, shared: SharedMap, now_ns: int) -> None:
         self._words, period_ns = shared.words, shared.layout.period_ns
         self._fresh_ns = 2 * period_ns
-        self._hung_ns = max(int(HUNG_S * NS_PER_S), HUNG_PERIODS * period_ns)
+        self._hung_ns = s_to_ns(hung_after_s(period_ns / NS_PER_S))
         self._beat_ns = 0
         self._advanced_ns = self._updated_ns = now_ns
 

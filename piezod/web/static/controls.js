@@ -79,7 +79,7 @@ function modeCard(context, axis) {
   });
   const send = (verb) => card.run(context.call("POST", `/v1/${verb}`, { axis: axis.name() }));
   const zero = button("Zero the sensor", () => send("zero"), { title: "Make the displacement at the rest voltage the sensor zero" });
-  const condition = button("Condition", () => send("condition"), { title: "Drive a decaying swing, which makes the hysteresis memory known" });
+  const condition = button("Condition", () => send("condition"), { title: "Swing over the whole range, which makes the hysteresis memory known" });
   const card = new CommandCard(
     "Mode",
     el("div", { class: "choices", role: "radiogroup", "aria-label": "Mode" }, radios),

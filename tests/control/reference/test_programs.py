@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from piezod.config.axes import LimitsConfig
 from piezod.config.daemon import ConditioningConfig
 from piezod.control.reference.programs import conditioning
+from piezod.plant.plant import Plant
+from piezod.plant.variants import VARIANTS
 
 
 @given(low_v=st.floats(-100.0, 0.0), rest=st.floats(0.0, 1.0), cycles=st.integers(2, 20))
@@ -25,10 +27,29 @@ def test_conditioning_starts_and_ends_at_rest_inside_the_range(
     assert np.all((swing_v >= low_v - 1e-9) & (swing_v <= 100.0 + 1e-9))
 
 
-def test_conditioning_decays_from_the_whole_range() -> None:
-    """The first swing has nearly the whole range, and each further one is smaller."""
-    limits = LimitsConfig(drive_min_v=0.0, drive_max_v=150.0, slew_v_per_s=1e4, rest_v=0.0)
+def test_conditioning_decays_around_a_rest_inside_the_range() -> None:
+    """Each swing is smaller than the one before."""
+    limits = LimitsConfig(drive_min_v=0.0, drive_max_v=150.0, slew_v_per_s=1e4, rest_v=75.0)
     drive = conditioning(ConditioningConfig(cycles=5, frequency_hz=2.0), limits)
-    peaks_v = [drive.drive_v((k + 0.5) / 2.0) for k in range(5)]
+    times_s = np.linspace(0.0, drive.duration_s, 1001)[:-1]
+    highest_v = [max(map(drive.drive_v, swing.tolist())) for swing in times_s.reshape(5, -1)]
 
-    assert peaks_v == pytest.approx([135.0, 105.0, 75.0, 45.0, 15.0])
+    assert 140.0 < highest_v[0] < 150.0
+    assert np.all(np.diff(highest_v) < -10.0)
+
+
+@pytest.mark.parametrize("variant", ["duhem", "coleman-hodgdon", "bouc-wen"])
+def test_wide_loop_after_conditioning_comes_back_to_its_zero(variant: str) -> None:
+    """At an end of the range all swings are whole, so that no later loop ends elsewhere."""
+    plant = Plant(VARIANTS[variant].parameters, np.random.SeedSequence(1))
+    limits = LimitsConfig(drive_min_v=0.0, drive_max_v=150.0, slew_v_per_s=1e4, rest_v=0.0)
+    drive = conditioning(ConditioningConfig(), limits)
+    loop_v = 75.0 - 75.0 * np.cos(2.0 * np.pi * np.arange(0.0, 2.0, 1e-3))
+    rest_v = np.zeros(2000)
+    swing_v = np.array([drive.drive_v(t) for t in np.arange(0.0, drive.duration_s, 1e-3)])
+    drives_v = np.concatenate((swing_v, rest_v, loop_v, rest_v))
+    readings_v, truths_um = np.empty((2, drives_v.size))
+    plant.play(drives_v, 20, readings_v, truths_um)
+    zero_um = truths_um[swing_v.size + rest_v.size - 1]
+
+    assert abs(truths_um[-1] - zero_um) < 0.01 * np.ptp(truths_um)

@@ -24,7 +24,7 @@ from tests.control.rig_stage import FaultyStage, RigStage, cycles_until, quick_c
 from tests.control.surface_rig import CLASSES, with_model
 
 PUNCTUAL = CycleTiming(0, 0, 10_000, 0, 0)
-LATE = PUNCTUAL._replace(late_ns=3_000_000)
+LATE = CycleTiming(3_000_000, 0, 10_000, 0, 0)
 LAG_CYCLES = 12
 
 

@@ -57,7 +57,7 @@ def test_surface_is_adopted_and_learned() -> None:
 @pytest.mark.fault("S9")
 @pytest.mark.parametrize("model", ["surface", "path"])
 def test_conditioned_stage_is_where_its_model_allows(model: str) -> None:
-    """A decaying swing leaves the rest of a path below that of full cycles: this is no S9."""
+    """At an end of its range it rests where wide loops end, also if it relaxes along the path."""
     config = with_model(shipped_config().model_copy(update={"rate_hz": 200.0}), model)
     swing = config.axes["x"].conditioning.model_copy(update={"frequency_hz": 5.0})
     stage = RigStage(with_axis(config, conditioning=swing)).armed(rq.Condition())
@@ -68,7 +68,7 @@ def test_conditioned_stage_is_where_its_model_allows(model: str) -> None:
     stage.run(1.0)
 
     assert stage.faults() == []
-    assert (rest_um < -3.2) == (model == "path")
+    assert rest_um == pytest.approx(0.0, abs=0.3)
     assert stage.x.position_um == pytest.approx(12.0, abs=0.1)
 
 

@@ -40,7 +40,9 @@ def test_sleep_ends_before_the_deadline_and_spinning_at_it() -> None:
 
 def test_cycle_begins_at_its_deadline() -> None:
     """The first reading of the clock at the deadline ends the wait."""
-    assert Pacer(FakeClock(), PERIOD_NS, SPIN_NS).wait() == (PERIOD_NS + READING_NS, 0, 0)
+    tick = Pacer(FakeClock(), PERIOD_NS, SPIN_NS).wait()
+
+    assert (tick.deadline_ns, tick.late_ns, tick.skipped) == (PERIOD_NS + READING_NS, 0, 0)
 
 
 @pytest.mark.parametrize(("left_ns", "sleeps"), [(SPIN_NS, 0), (SPIN_NS + READING_NS, 1)])

@@ -113,7 +113,9 @@ def known_axis(interval_ns: int, lag_s: float) -> KnownAxis:
     """
     delay_s = RESPONSE.delay_s + lag_s + 0.5 * (interval_ns - INTERVAL_NS) / NS_PER_S
     response = known_response(ResponseModel(delay_s, RESPONSE.resonances))
-    makes = TableMaker(model(), interval_ns, LIMITS[:2], LIMITS.slew_v_per_s)
+    makes = TableMaker(
+        model(), interval_ns, (LIMITS.drive_min_v, LIMITS.drive_max_v), LIMITS.slew_v_per_s
+    )
     return KnownAxis(makes, model().creep, response, SENSOR_DELAY_S)
 
 

@@ -33,7 +33,12 @@ class PlayingStage(FakeStage):
 
     def __init__(self, response: ResponseFile | None = KNOWN) -> None:
         document = stage_document(
-            limits={**LIMITS._asdict(), "rest_v": 0.0},
+            limits={
+                "drive_min_v": LIMITS.drive_min_v,
+                "drive_max_v": LIMITS.drive_max_v,
+                "slew_v_per_s": LIMITS.slew_v_per_s,
+                "rest_v": 0.0,
+            },
             compensator={"sensor_delay_s": SENSOR_DELAY_S},
             response=response and response.model_dump(mode="json", exclude_none=True),
         )

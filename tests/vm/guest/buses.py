@@ -21,7 +21,7 @@ USB: Final = Stage(
         ("rate_hz: 200", "rate_hz: 10"),
         (
             "driver: simulated, options: .*}}",
-            f"driver: thorlabs_mdt, options: {{port: {PORT}, timeout_ms: 2000}}}}",
+            f"driver: thorlabs_mdt, options: {{port: {PORT}, timeout_ms: 900}}}}",
         ),
         ("amplifier: amplifier", "amplifier: {device: amplifier, channel: x}"),
     ),
@@ -31,7 +31,7 @@ CAN: Final = Stage(
     "devices/canopen-401.yaml",
     (
         ("rate_hz: 500.*", "rate_hz: 10"),
-        ("timeout_ms: 5", "timeout_ms: 2000"),
+        ("timeout_ms: 5", "timeout_ms: 900"),
         ("watchdog_ms: 200", "watchdog_ms: 10000"),
     ),
 )
