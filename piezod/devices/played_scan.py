@@ -1,13 +1,12 @@
 """Several axes of one device that play a scan: its table in blocks that fit into the device."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from math import isfinite
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from piezod.devices.interface import Device
 from piezod.devices.played_axis import AxisTable, PlayedAxis
 from piezod.devices.player import (
     AtEnd,
@@ -56,32 +55,26 @@ class PlayedScan:
     """The axes of a scan, whose amplifiers and sensors are channels of one device that plays.
 
     Args:
-        names: Names of the axes, in the order of a table's columns.
-        devices: Devices by name, open and active.
-        axes: Channels of each axis.
+        played: The axes by name, in the order of a table's columns.
+        axes: Channels of all axes of the stage.
 
     Raises:
-        DeviceError: If their device does not play, or they have several.
+        DeviceError: If they have several devices.
     """
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        devices: Mapping[str, Device],
-        axes: Mapping[str, ChannelPair],
-    ) -> None:
-        used = dict.fromkeys(axes[name].amplifier for name in names)
+    def __init__(self, played: Mapping[str, PlayedAxis], axes: Mapping[str, ChannelPair]) -> None:
+        used = dict.fromkeys(axes[name].amplifier for name in played)
         if len(used) > 1:
             raise DeviceError(
-                f"axes {' and '.join(names)} are driven by the devices {' and '.join(used)}, which "
-                "have no common clock: a scan that devices play needs one device"
+                f"axes {' and '.join(played)} are driven by the devices {' and '.join(used)}, "
+                "which have no common clock: a scan that devices play needs one device"
             )
         (device,) = used
-        self.axes = tuple(PlayedAxis(name, devices, axes) for name in names)
+        self.axes = tuple(played.values())
         """Each axis, in the order of columns."""
         wiring = wiring_of(device, axes)
         self._n_outputs = len(wiring.outputs)
-        self.beside = tuple(dict.fromkeys(x for name in names for x in axes[name].beside))
+        self.beside = tuple(dict.fromkeys(x for name in played for x in axes[name].beside))
         """Names of the inputs that are recorded beside."""
         self._beside_places = [wiring.inputs.index(name) for name in self.beside]
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from piezod.devices.interface import Device, Wiring
+from piezod.devices.played_axis import PlayedAxis
 from piezod.devices.played_scan import PlayedScan
 from piezod.devices.player import PlayState
 from piezod.devices.scan_table import ScanTable
@@ -96,8 +97,12 @@ def play(bench: PlayBench, scan: PlayedScan, table: ScanTable) -> np.ndarray:
 def opened(case: Case) -> tuple[PlayBench, PlayedScan]:
     """Return a controller, and its axes that scan."""
     bench = case.open()
-    devices: Mapping[str, Device] = {"device": bench.device}
-    return bench, PlayedScan(("x", "y"), devices, case.axes())
+    return bench, scan_of({"device": bench.device}, case.axes())
+
+
+def scan_of(devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> PlayedScan:
+    """Return the axes of a stage that scan together."""
+    return PlayedScan({name: PlayedAxis(name, devices, axes) for name in axes}, axes)
 
 
 def pulses_of(bench: PlayBench) -> list[int]:
@@ -186,12 +191,12 @@ def test_axes_of_two_devices_have_no_common_clock() -> None:
         "y": ChannelPair("b", "b", input="AIN1", output="DAC1"),
     }
     with pytest.raises(DeviceError, match="no common clock"):
-        PlayedScan(("x", "y"), {"a": bench.device, "b": bench.device}, axes)
+        scan_of({"a": bench.device, "b": bench.device}, axes)
 
 
 def test_a_device_without_lines_refuses_pulses() -> None:
     """A PI controller whose options name no outputs."""
     bench = pi_bench(2)
-    scan = PlayedScan(("x", "y"), {"device": bench.device}, PI.axes())
+    scan = scan_of({"device": bench.device}, PI.axes())
 
     assert "options of its driver" in scan.misfit(snake(60.0, lines=2))

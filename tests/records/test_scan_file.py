@@ -38,12 +38,13 @@ def new_file(path: Path, head: ScanHeader | None = None) -> ScanFile:
 def sweep(row: int, *, backward: bool = False) -> SweptPixels:
     """Return a sweep; the first pixel in time has the smallest count."""
     n = np.arange(4)
+    counts = n.astype(np.float64)
     return SweptPixels(
         row,
         backward,
-        np.stack((n + 0.5, np.full(4, 10.5 + row)), axis=1),
-        0.01 * n,
-        100.0 * row + n[:, None],
+        np.stack((counts + 0.5, np.full(4, 10.5 + row)), axis=1),
+        np.asarray(0.01 * counts, np.float64),
+        np.asarray(100.0 * row + counts[:, None], np.float64),
         0.001,
         1000 * n,
         1000 * n + 999,

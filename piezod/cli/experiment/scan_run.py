@@ -64,11 +64,12 @@ def run(
                 result = scan_live(client, scan, setting, told)
         else:
             config = load_experiment(file, registry)
-            if config.scan is None:
+            wanted = config.scan
+            if wanted is None:
                 raise typer.BadParameter(f"{file} has no `scan:`", param_hint="FILE")
             if seed is not None:
                 config = config.model_copy(update={"seed": seed})
-            result = scan_virtually(config, config.scan, setting, told)
+            result = scan_virtually(config, wanted, setting, told)
     if json:
         print_json(_document(result))
     else:

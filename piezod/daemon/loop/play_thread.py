@@ -21,7 +21,7 @@ from piezod.daemon.loop.placement import Placement
 from piezod.daemon.loop.scan_thread import ScanJob, ScanStore, ScanThread
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
-from piezod.devices.interface import Device, Identity
+from piezod.devices.interface import Identity
 from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.played_scan import PlayedScan
 from piezod.devices.player import AtEnd, PlayerCapabilities
@@ -230,22 +230,17 @@ def play_threads(
             continue
         if len(channels.devices) > 1:
             refusals[i] = _too_many(axis, pairs[axis].amplifier, channels.devices)
-    scans = partial(_scan_of, {}, channels.devices, pairs)
+    known = {axis: players[i].axis for i, axis in enumerate(pairs) if i in players}
+    scans = partial(_scan_of, known, pairs)
     free = partial(all_free, placements)
     return PlayThreads(players, refusals, free, channels.zero_um, clock, file, scans)
 
 
 def _scan_of(
-    known: dict[tuple[str, ...], PlayedScan],
-    devices: Mapping[str, Device],
-    pairs: Mapping[str, ChannelPair],
-    names: Sequence[str],
+    known: Mapping[str, PlayedAxis], pairs: Mapping[str, ChannelPair], names: Sequence[str]
 ) -> PlayedScan:
-    """Return axes that play together; `known` has those that were asked for before."""
-    key = tuple(names)
-    if key not in known:
-        known[key] = PlayedScan(key, devices, pairs)
-    return known[key]
+    """Return axes that play together. Real-time safe: no device is asked for anything."""
+    return PlayedScan({name: known[name] for name in names}, pairs)
 
 
 def all_free(placements: Iterable[Placement]) -> bool:

@@ -219,7 +219,7 @@ class VirtualStage:
         Raises:
             DeviceError: If their device does not play, or they have several.
         """
-        return PlayedScan(axes, self._channels.devices, self._pairs)
+        return PlayedScan({name: self.played(name) for name in axes}, self._pairs)
 
     def play_block(
         self,

@@ -324,7 +324,7 @@ def scan_request(
         "scale": (1.0,) * 4,
         "blend": tuple(np.linspace(0.0, 1.0, points).tolist()),
     }
-    return rq.Scan(**{"axes": {"x": {**curve, **other}}, "interval_s": interval_s})
+    return rq.Scan.model_validate({"axes": {"x": {**curve, **other}}, "interval_s": interval_s})
 
 
 def test_scan_is_played_between_ramps() -> None:

@@ -96,7 +96,7 @@ def _tupled(value: object) -> object:
 
 
 def test_points_between_sweeps_blend() -> None:
-    """A sweep begins with its own offset, and ends with the next one, which the last sweep lacks."""
+    """A sweep begins with its own offset, and ends with that of the next one, if there is one."""
     plain = table()._replace(line_v=np.zeros((2 * POINTS, 2)), scale=np.ones((SWEEPS, 2)))
     rows = plain.rows(0, plain.n_rows)[:, 0]
     offsets = plain.offset_v[:, 0]
