@@ -109,11 +109,10 @@ class PlayedScan:
                 f"lead-in and one sweep have {lead_in + table.points} points for each axis, the "
                 f"device takes {most}: choose a longer interval"
             )
-        if lead_in + table.sweeps * table.points > most and able.at_end is not AtEnd.HOLDS:
+        if able.at_end is not AtEnd.HOLDS:
             return (
-                f"the scan has {lead_in + table.sweeps * table.points} points for each axis, the "
-                f"device takes {most}, and it is not known whether it holds the voltages between "
-                "two parts: choose a longer interval, or fewer lines (see wave_end)"
+                "it is not known whether the device holds its last voltages, as it must at the end "
+                "of a scan and between its parts; see wave_end"
             )
         return ""
 

@@ -200,3 +200,11 @@ def test_a_device_without_lines_refuses_pulses() -> None:
     scan = scan_of({"device": bench.device}, PI.axes())
 
     assert "options of its driver" in scan.misfit(snake(60.0, lines=2))
+
+
+def test_a_device_must_hold_its_last_voltages() -> None:
+    """A scan does not end at rest, and a part of one neither."""
+    bench = pi_bench(2, trigger_outputs=3)
+    scan = scan_of({"device": bench.device}, PI.axes())
+
+    assert "wave_end" in scan.misfit(snake(60.0, lines=2))
