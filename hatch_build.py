@@ -68,7 +68,10 @@ def compile_modules(root: Path, folder: Path) -> dict[str, str]:
     setup = _SETUP.format(arguments=["--config-file", "types.ini", *modules])
     (folder / "setup.py").write_text(setup, encoding="utf-8")
     command = [sys.executable, "setup.py", "--quiet", "build_ext", "--inplace"]
-    subprocess.run(command, cwd=folder, check=True)  # noqa: S603 - our own words
+    # A product and a sum are rounded one by one, as Python does: some compilers fuse them. Calls of
+    # the interpreter need no table.
+    flags = {"CFLAGS": f"{os.environ.get('CFLAGS', '')} -ffp-contract=off -fno-plt"}
+    subprocess.run(command, cwd=folder, check=True, env=os.environ | flags)  # noqa: S603 - our own words
     # What is built lies below build/ too.
     found = [path.relative_to(folder) for path in folder.rglob("*.so")]
     return {str(folder / path): str(path) for path in found if path.parts[0] != "build"}

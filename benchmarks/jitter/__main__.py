@@ -5,7 +5,8 @@ other on the same processor at the same priority and period: cyclictest (which s
 spin), a bare loop in C with piezod's pacing (the floor), and piezod's own daemon on the simulated
 rig, armed and following a sine adaptively, once idle and once under load: telemetry streamed to
 three clients, 200 requests a second, every cycle recorded to HDF5. Percentiles are over all rounds;
-the change under load is computed pair by pair. It needs root, or the limits of the service.
+the change under load is computed pair by pair, and so is what is skipped beside the floor.
+`--compiled` takes the build of `make compiled`. It needs root, or the limits of the service.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from benchmarks.jitter.contenders import (
     cyclictest,
     floor,
 )
-from benchmarks.jitter.stage import running
+from benchmarks.jitter.stage import COMPILED, running
 from piezod.errors import ClientError
 
 NAMES = ("cyclictest", "floor in C", "piezod", "piezod, loaded")
@@ -35,11 +36,13 @@ FLOOR, QUIET, LOADED = NAMES[1:]
 class Rounds:
     """Results of all rounds at one rate."""
 
-    def __init__(self, rate_hz: float) -> None:
+    def __init__(self, rate_hz: float, build: Path | None = None, *, loads: bool = True) -> None:
         self.rate_hz = rate_hz
+        self._build, self._loads = build, loads
         self.runs: dict[str, list[Lateness]] = {name: [] for name in NAMES}
         self.pairs: list[tuple[Lateness, Lateness]] = []
         self.notes: list[str] = []
+        self.left_run: list[str] = []
 
     def run(self, program: Path, pacing: Pacing) -> None:
         """Run every contender once."""
@@ -47,15 +50,17 @@ class Rounds:
             self.runs["cyclictest"].append(compared)
         self.runs[FLOOR].append(floor(program, pacing))
         try:
-            with running(pacing) as stage:
+            with running(pacing, build=self._build) as stage:
                 quiet = stage.measure(pacing.seconds)
                 self.runs[QUIET].append(quiet)
-                with stage.loaded() as load:
-                    loaded = stage.measure(pacing.seconds)
-                self.runs[LOADED].append(loaded)
-                self.pairs.append((quiet, loaded))
+                load: Mapping[str, float] = {}
+                if self._loads:
+                    with stage.loaded() as load:
+                        loaded = stage.measure(pacing.seconds)
+                    self.runs[LOADED].append(loaded)
+                    self.pairs.append((quiet, loaded))
                 self._note(load, stage.counters, stage.report)
-                self.notes += stage.left_run
+                self.left_run += stage.left_run
         except ClientError as error:
             self.notes.append(f"not armed: {error}")
 
@@ -86,11 +91,21 @@ class Rounds:
                     if late_ns.size:
                         print(_row(f"{name}, {what}", late_ns))
         if self.runs[QUIET]:
+            self._print_skipped()
             self._print_ratios()
         if not self.runs["cyclictest"]:
             print("  no cyclictest: install the package rt-tests")
-        for note in self.notes:
+        for note in (*self.notes, *self.left_run):
             print(f"  {note}")
+
+    def _print_skipped(self) -> None:
+        """Print the skipped share of each run beside that of the floor in the same round."""
+        pairs = zip(self.runs[QUIET], self.runs[FLOOR], strict=False)
+        each = [(100 * _skipped_share(ours), 100 * _skipped_share(floor)) for ours, floor in pairs]
+        beyond = [ours - 2 * floor for ours, floor in each]
+        told = ", ".join(f"{ours:.3f}/{floor:.3f}" for ours, floor in each)
+        print(f"  skipped in % of piezod/floor, pair by pair: {told}")
+        print(f"  median of piezod's minus twice the floor's: {np.median(beyond):+.3f} %")
 
     def _print_ratios(self) -> None:
         base = _p999(_wake(self.runs[FLOOR]))
@@ -119,6 +134,10 @@ def _cycles(run: Lateness) -> int:
     return run.wake_ns.size + run.skipped
 
 
+def _skipped_share(run: Lateness) -> float:
+    return run.skipped / _cycles(run)
+
+
 def _wake(runs: list[Lateness]) -> Nanoseconds:
     return np.concatenate([run.wake_ns for run in runs])
 
@@ -139,20 +158,23 @@ def main() -> None:
     parser.add_argument("--rates", help="rates in Hz, separated by commas")
     parser.add_argument("--rounds", type=int, help="how many rounds")
     parser.add_argument("--seconds", type=int, help="seconds of each run, at most 15")
-    parser.add_argument("--spin-us", type=float, default=40.0, help="spin before the deadline, µs")
+    parser.add_argument("--spin-us", type=float, help="spin before the deadline, 40 µs at most")
+    parser.add_argument("--compiled", action="store_true", help="measure the compiled build")
+    parser.add_argument("--quiet", action="store_true", help="leave out the runs under load")
     asked = parser.parse_args()
     rates = asked.rates or ("1000,2000,5000,10000" if asked.long else "1000")
     rounds = asked.rounds or (7 if asked.long else 1)
     seconds = asked.seconds or (10 if asked.long else 5)
     cpu = max(os.sched_getaffinity(0))
-    found = [Rounds(float(rate)) for rate in rates.split(",")]
+    build = COMPILED if asked.compiled else None
+    found = [Rounds(float(rate), build, loads=not asked.quiet) for rate in rates.split(",")]
     with tempfile.TemporaryDirectory() as folder:
         program = compile_floor(Path(folder))
         for number in range(rounds):
             for each in found:
                 print(f"round {number + 1} of {rounds}, {each.rate_hz:g} Hz", flush=True)
-                spin_ns = round(asked.spin_us * 1000)
-                each.run(program, Pacing(each.rate_hz, seconds, 60, cpu, spin_ns))
+                spin_us = asked.spin_us or min(40.0, 0.3e6 / each.rate_hz)
+                each.run(program, Pacing(each.rate_hz, seconds, 60, cpu, round(spin_us * 1000)))
     for each in found:
         each.print()
 

@@ -1,8 +1,8 @@
 """Load on a daemon: `python -m benchmarks.jitter.load SOCKET WHAT`, until stdin is closed.
 
-`streams`: three clients get telemetry streamed at the highest rate. `requests`: one client asks for
-the status 40 times a second; the daemon allows a process at most 50. The program prints "ready" at
-the start, and at the end the actual load as JSON.
+`streams`: three clients get telemetry streamed at the highest rate; `streams:N` are N of them.
+`requests`: one client asks for the status 40 times a second; the daemon allows a process at most
+50. The program prints "ready" at the start, and at the end the actual load as JSON.
 """
 
 import asyncio
@@ -42,8 +42,10 @@ async def asking(socket: Path, counts: dict[str, int]) -> None:
 async def main(socket: Path, what: str) -> None:
     """Generate the load until stdin is closed."""
     counts = {"telemetry": 0, "requests": 0, "refused": 0}
-    if what == "streams":
-        burdens = [streamed(socket, number, counts) for number in range(STREAMS)]
+    name, _, number_of = what.partition(":")
+    if name == "streams":
+        clients = int(number_of or STREAMS)
+        burdens = [streamed(socket, number, counts) for number in range(clients)]
     else:
         burdens = [asking(socket, counts)]
     tasks = [asyncio.create_task(burden) for burden in burdens]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from benchmarks.jitter.contenders import Lateness, Pacing
 from piezod.client.stage_client import StageClient
@@ -24,12 +25,13 @@ from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
 
 REPOSITORY = Path(__file__).parents[2]
+COMPILED = REPOSITORY / "build" / "compiled"
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
 LOAD = ("streams", *5 * ("requests",))
 STARTED_WITHIN_S = 90.0
 SETTLED_S = 1.0
 ARMED_WITHIN_S = 10.0
-WAVE = {"x": {"kind": "sine", "low": 1.0, "high": 20.0, "frequency_hz": 2.0}}
+SINE = {"kind": "sine", "low": 1.0, "high": 20.0, "frequency_hz": 2.0}
 
 
 class Stage:
@@ -42,6 +44,7 @@ class Stage:
 
     def __init__(self, client: StageClient, shared: SharedMap) -> None:
         self._client, self._shared = client, shared
+        self.socket = client.socket
         self.report: list[dict[str, Any]] = shared.report()["steps"]
         """What the loop obtained of its real-time set-up."""
         self.left_run: list[str] = []
@@ -83,7 +86,7 @@ class Stage:
                     self._client.reset(engineer=True)
                 self._client.arm()
                 self._client.mode(Mode.ADAPTIVE)
-                self._client.wave(WAVE, 3600.0)
+                self._client.wave(dict.fromkeys(self._shared.layout.axes, SINE), 3600.0)
             except ClientError:
                 if time.monotonic() > end_s:
                     raise
@@ -117,17 +120,37 @@ class Stage:
         )
 
 
+def configured(pacing: Pacing, axes: int) -> str:
+    """Return the text of a configuration: the shipped one, with a rig for each axis."""
+    document = yaml.safe_load(SHIPPED.read_text(encoding="utf-8"))
+    axis, rig = document["axes"]["x"], document["devices"]["rig"]
+    axis["model"] = str(SHIPPED.parent / axis["model"])
+    names = "xyzabcuvw"[:axes]
+    document["rate_hz"] = pacing.rate_hz
+    document["devices"] = {f"rig_{name}": rig for name in names}
+    document["axes"] = {
+        name: {**axis, "amplifier": f"rig_{name}", "sensor": f"rig_{name}"} for name in names
+    }
+    spin_us = pacing.spin_ns / 1000
+    document["loop"] = {"spin_us": spin_us, "priority": pacing.priority, "cpu": pacing.cpu}
+    return json.dumps(document)
+
+
 @contextmanager
-def running(pacing: Pacing) -> Iterator[Stage]:
-    """Start a daemon with its own folders."""
+def running(pacing: Pacing, *, axes: int = 1, build: Path | None = None) -> Iterator[Stage]:
+    """Start a daemon with its own folders.
+
+    Args:
+        pacing: Rate, priority, processor and spin of its loop.
+        axes: Number of its axes.
+        build: Folder with a build of piezod; None for the one that runs here.
+    """
     with tempfile.TemporaryDirectory(prefix="pz-", dir="/dev/shm") as folder:
         config = Path(folder) / "stage.yaml"
-        text = SHIPPED.read_text(encoding="utf-8").replace("models/", f"{SHIPPED.parent}/models/")
-        text = text.replace("rate_hz: 200", f"rate_hz: {pacing.rate_hz:g}")
-        spin, priority = f"spin_us: {pacing.spin_ns / 1000:g}", f"priority: {pacing.priority}"
-        loop = f"loop: {{{spin}, {priority}, cpu: {pacing.cpu}}}"
-        config.write_text(f"{text}\n{loop}\n", encoding="utf-8")
+        config.write_text(configured(pacing, axes), encoding="utf-8")
         environ = {**os.environ, "XDG_RUNTIME_DIR": folder, "XDG_STATE_HOME": folder}
+        if build is not None:
+            environ["PYTHONPATH"], environ["PYTHONSAFEPATH"] = str(build), "1"
         command = [sys.executable, "-m", "piezod.cli.main", "run", str(config)]
         with (
             Path(folder, "log").open("wb") as log,

@@ -25,7 +25,9 @@ class Clock(Protocol):
 class MonotonicClock:
     """CLOCK_MONOTONIC of the machine."""
 
-    now_ns = staticmethod(time.monotonic_ns)
+    def __init__(self) -> None:
+        self.now_ns: Callable[[], int] = time.monotonic_ns
+        """Function that returns the present instant."""
 
     def sleep_until_ns(self, t_ns: int) -> None:
         """Sleep until an instant; return at once if it has passed.

@@ -209,7 +209,7 @@ class Shadowed:
         """Adapt to one pair, and compare the models at the end of a window; return the error."""
         error = self._identifier.step(position, drive, learn)
         # Only learned pairs count: in others the two models cannot differ by what was learned.
-        if learn and math.isfinite(error):
+        if learn and error - error == 0.0:  # finite
             shadow = self._shadow
             predicted = self.predict(shadow.weights, shadow.offset, shadow.scale)
             shadow_error = drive - predicted
@@ -218,7 +218,7 @@ class Shadowed:
             self._pairs += 1
             if self._pairs == self._window:
                 self._compare()
-        self._take_scalars()
+        self.offset, self.scale = self._identifier.offset, self._identifier.scale
         return error
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:

@@ -41,6 +41,7 @@ from piezod.hysteresis.covariance import (
     checked_walk,
     constrained_covariance,
 )
+from piezod.hysteresis.learner import OFFSET, SCALE
 from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
     FloatArray,
@@ -122,7 +123,8 @@ class RLSIdentifier(OnlineIdentifier):
         """
         # The variance is not in the tuple, because callers change it between steps.
         error = self._step(self.measurement_variance, float(position), float(drive), learn)
-        self._take_scalars()
+        scalars: list[float] = self._learner.scalars.tolist()
+        self.offset, self.scale = scalars[OFFSET], scalars[SCALE]
         return error
 
     def expect_noise(self, variance: float) -> None:

@@ -82,7 +82,8 @@ class CycleCounter:
         """Count the error of an axis in a cycle, in µm; NaN is left out. Real-time safe."""
         if error_um - error_um == 0.0:  # neither NaN nor infinite
             words, at = self._words, self._errors[axis]
-            error_pm = int(min(abs(error_um), _MOST_UM) * _PM_PER_UM)
+            size_um = abs(error_um)
+            error_pm = int((size_um if size_um < _MOST_UM else _MOST_UM) * _PM_PER_UM)
             bucket = ((error_pm and error_pm - 1) // 1000).bit_length()
             words[at + (bucket if bucket < _LAST else _LAST)] += 1
             words[at + BUCKETS] += error_pm

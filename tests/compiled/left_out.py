@@ -6,6 +6,7 @@ these is skipped. Any other error, also of a type within the product, fails as e
 """
 
 import re
+import sys
 from collections import Counter
 from collections.abc import Generator
 from typing import Any, Final
@@ -25,6 +26,19 @@ REASONS: Final = {
 """What is refused, as the errors tell it."""
 
 _left_out: Counter[str] = Counter()
+_replace: Final = pytest.MonkeyPatch.setattr
+
+
+def pytest_configure() -> None:
+    """Refuse to replace a function of a compiled class: compiled callers would not see it."""
+    pytest.MonkeyPatch.setattr = _replace_visibly  # type: ignore[method-assign]
+
+
+def _replace_visibly(self: pytest.MonkeyPatch, target: Any, *rest: Any, **options: Any) -> None:
+    module = sys.modules.get(target.__module__) if isinstance(target, type) else None
+    if module is not None and str(getattr(module, "__file__", "")).endswith(".so"):
+        raise TypeError(f"cannot set {rest[0]!r} attribute of immutable type {target!r}")
+    _replace(self, target, *rest, **options)
 
 
 def reason_of(error: str) -> str | None:
@@ -72,7 +86,8 @@ def pytest_collectreport(report: pytest.CollectReport) -> None:
 
 
 def _count(report: Any) -> None:
-    if report.skipped and isinstance(report.longrepr, tuple) and report.longrepr[0] == "compiled":
+    why = report.longrepr if report.skipped else None
+    if isinstance(why, tuple | list) and why[0] == "compiled":  # a list from another process
         _left_out[report.longrepr[2]] += 1
 
 

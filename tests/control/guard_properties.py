@@ -17,6 +17,12 @@ IN_FORCE_V = st.one_of(st.floats(-10, 150), st.floats(-1e3, 1e3), st.sampled_fro
 ELAPSED_S = st.one_of(st.floats(0, 5e-3), st.floats(), st.sampled_from((0.0, 1e-3, nan, inf)))
 PAIR_V = st.tuples(ASKED_V, ASKED_V)
 PAIR_IN_FORCE_V = st.tuples(IN_FORCE_V, IN_FORCE_V)
+_TOLD = ("drive_v", "held", "refused", "range_limited", "slew_limited", "stale", "waits")
+
+
+def told(admitted: Admitted) -> list[object]:
+    """Return all that the guard says."""
+    return [getattr(admitted, name) for name in _TOLD]
 
 
 def check_all(

@@ -70,24 +70,31 @@ def has_left_run(record: CycleRecord) -> bool:
     return record.state is not State.RUN
 
 
-class RecordingChannels(Channels):
-    """Records every write that reaches the devices, which read back if they are allowed to."""
+class RecordingChannels:
+    """Records every write that reaches the devices, which read back if they are allowed to.
+
+    It has no base class: nothing can be derived from a compiled `Channels`.
+    """
 
     def __init__(
         self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair], *, reads_back: bool
     ) -> None:
-        super().__init__(devices, axes)
+        self._channels = Channels(devices, axes)
         self._allowed = reads_back
         self.writes: list[tuple[int, Sequence[float]]] = []
 
     def reads_back(self) -> list[bool]:
         """Return of each axis whether its amplifier reads back, and may."""
-        return [self._allowed and each for each in super().reads_back()]
+        return [self._allowed and each for each in self._channels.reads_back()]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Record the write, and pass it on."""
         self.writes.append((now_ns, tuple(drive_v)))
-        return super().write(drive_v, now_ns)
+        return self._channels.write(drive_v, now_ns)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the channels have."""
+        return getattr(self._channels, name)
 
 
 class RigStage:
@@ -167,7 +174,7 @@ class RigStage:
     @property
     def output_v(self) -> float:
         """Voltage that is read back now, in V."""
-        return self.channels.read_back(self.t_ns)[0]
+        return float(self.channels.read_back(self.t_ns)[0])
 
     @property
     def state(self) -> str:

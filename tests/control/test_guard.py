@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from piezod.control.guard import Admitted, Guard
+from piezod.control.guard import Guard
 from tests.control.guard_properties import (
     ASKED_V,
     ELAPSED_S,
@@ -17,22 +17,17 @@ from tests.control.guard_properties import (
     PAIR_IN_FORCE_V,
     PAIR_V,
     check_all,
+    told,
 )
 
 T_NS = 5_000_000
 PERIOD_S = 1e-3
-TOLD = ("drive_v", "held", "refused", "range_limited", "slew_limited", "stale", "waits")
 PLANNED_NS = st.sampled_from((0, 0, 0, 1, -1_000_000))
 
 
 def guard() -> Guard:
     """Return a guard of two axes. A constant would be made before a mutant changes the class."""
     return Guard(LIMITS, LONGEST_S)
-
-
-def told(admitted: Admitted) -> list[object]:
-    """Return all that the guard says."""
-    return [getattr(admitted, name) for name in TOLD]
 
 
 @pytest.mark.fault("A5")

@@ -29,7 +29,7 @@ def triangle(frequency_hz: float) -> Value:
     return lambda t_s: 1.0 - abs(1.0 - 2.0 * (frequency_hz * t_s % 1.0))
 
 
-def chirp(from_hz: float, to_hz: float, sweep_s: float, *, linear: bool) -> Value:
+def swept_cosine(from_hz: float, to_hz: float, sweep_s: float, *, linear: bool) -> Value:
     """Return a raised cosine; its phase, the integral of the frequency, has no steps."""
     slope, rate = 0.5 * (to_hz - from_hz) / sweep_s, math.log(to_hz / from_hz) / sweep_s
     linear = linear or not rate

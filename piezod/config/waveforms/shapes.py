@@ -189,7 +189,7 @@ class Chirp(Enveloped):
     def part(self) -> tuple[Value, float]:
         """Return a raised cosine; its phase, the integral of the frequency, has no steps."""
         linear = self.sweep == "linear"
-        part = formulas.chirp(self.from_hz, self.to_hz, self.sweep_s, linear=linear)
+        part = formulas.swept_cosine(self.from_hz, self.to_hz, self.sweep_s, linear=linear)
         return part, max(self.from_hz, self.to_hz)
 
 

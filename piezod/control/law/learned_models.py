@@ -161,7 +161,7 @@ class ModelErrors:
             position: Displacement, with the zero of the model, normalised.
             crept: Part of it that creep and modes have added.
         """
-        drive = min(max(drive, 0.0), 1.0)
+        drive = 0.0 if drive < 0.0 else 1.0 if drive > 1.0 else drive
         self.first = position - crept - self._step_first(drive)
         shown = self._step_learned(drive) + crept + self._learned.offset
         self.learned = position - shown / (1.0 + self._learned.scale)

@@ -1,8 +1,8 @@
 """Locks the memory of the loop process in RAM, except the parts that no cycle uses.
 
-The compiler (LLVM, 150 MB) has done its work before the loop runs, and each copy of OpenBLAS (one
-in numpy, one in scipy, which numba loads) reserves memory for products of large matrices, in pieces
-of 32 MB. `mlockall` alone would bring all of that into RAM.
+The compiler (LLVM, 150 MB) and OpenBLAS (25 MB) have done their work before the loop runs: a cycle
+has kernels, and no products of matrices. OpenBLAS also reserves memory for products of large ones,
+in pieces of 32 MB. `mlockall` alone would bring all of that into RAM.
 """
 
 import ctypes
@@ -14,7 +14,8 @@ from typing import Final, NamedTuple
 
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _MADV_DONTNEED: Final = 4
-_COMPILER: Final = "llvmlite"
+_DONE: Final = ("llvm", "openblas", "gfortran", "quadmath")
+"""The libraries that a cycle does not use; the last two belong to OpenBLAS."""
 _RESERVED_KB, _USED_KB = 32 << 10, 1 << 10
 """Memory of this size with less than that in RAM, in KiB, is reserved by OpenBLAS: no buffer of a
 cycle is as large. The pages that it has used stay locked."""
@@ -53,9 +54,9 @@ def lock_memory(libc: ctypes.CDLL) -> None:
         raise _refused()
     for each in mappings():
         address, size = ctypes.c_void_p(each.begin), ctypes.c_size_t(each.size)
-        if _is_of_compiler(each):
+        if _is_done(each):
             libc.munlock(address, size)
-            # It is unchanged: if the compiler is used again, it comes from the file again.
+            # It is unchanged: if the library is used again, it comes from the file again.
             libc.madvise(address, size, _MADV_DONTNEED)
         elif each.readable and not _is_reserved(each):
             # An error is that of a page behind the end of its file, which `mlockall` ignores too.
@@ -69,9 +70,10 @@ def _refused() -> OSError:
     return OSError(error, f"{os.strerror(error)}; allow it by LimitMEMLOCK=infinity")
 
 
-def _is_of_compiler(each: Mapping) -> bool:
-    """Return whether a mapping is the code of the compiler, or its constants."""
-    return _COMPILER in Path(each.file).name and not each.changed_kb
+def _is_done(each: Mapping) -> bool:
+    """Return whether a mapping is code or constants of a library that no cycle uses."""
+    name = Path(each.file).name
+    return not each.changed_kb and any(library in name for library in _DONE)
 
 
 def _is_reserved(each: Mapping) -> bool:

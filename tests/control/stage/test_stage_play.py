@@ -126,7 +126,7 @@ class PlayingStage(RigStage):
 
     def end_at(self, drive_v: float, failed: str = "") -> None:
         """Leave the rig at a voltage, and give the devices back."""
-        self.channels.devices["rig"].write([drive_v], self.t_ns)  # type: ignore[attr-defined]
+        self.channels.devices["rig"].write([drive_v], self.t_ns)
         self.run(0.05)
         self.runner.end(drive_v, failed)
 
