@@ -177,6 +177,11 @@ class InputConfig(_Channel):
     light: LightConfig | None = Field(
         default=None, description="Light of a fibre sensor; default: not measured."
     )
+
+
+class SensorConfig(InputConfig):
+    """The channel that measures an axis."""
+
     beside: tuple[ChannelName, ...] = Field(
         default=(),
         max_length=8,
@@ -191,6 +196,9 @@ def _named(value: Any) -> Any:
 
 Output: TypeAlias = Annotated[OutputConfig, BeforeValidator(_named)]
 """A device's name alone means its channel with the name of the axis, not calibrated."""
+
+SensorInput: TypeAlias = Annotated[SensorConfig, BeforeValidator(_named)]
+"""Short form as for `Output`."""
 
 Input: TypeAlias = Annotated[InputConfig, BeforeValidator(_named)]
 """Short form as for `Output`."""
