@@ -126,7 +126,7 @@ MISTAKES = [
     (
         "gain: 4}}",
         "gain: 4}, beside: [AIN1, AIN9]}",
-        "axes.y.sensor.beside.1: no such input (got 'AIN9')",
+        "12:93: axes.y.sensor.beside[1]: no such input (got 'AIN9')",
     ),
     (
         "{kind: line, gain: 15}",
