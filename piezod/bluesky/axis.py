@@ -257,9 +257,10 @@ class PiezoAxis(
 
     def _metadata(self, quantity: str) -> Callable[[], SignalMetadata]:
         def metadata() -> SignalMetadata:
-            unit = unit_of(quantity)
+            facts = self._link.facts.get(self._axis)  # not in mock mode
+            unit = unit_of(quantity, facts.unit if facts else "µm")
             found = SignalMetadata(units=unit.ascii, precision=unit.fine)
-            if facts := self._link.facts.get(self._axis):  # not in mock mode
+            if facts:
                 low, high = facts.drive_v if unit.sign == "V" else facts.range_um
                 found["limits"] = Limits(control=LimitsRange(low=low, high=high))
             return found

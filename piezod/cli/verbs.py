@@ -164,6 +164,7 @@ _PLACES: Final[Mapping[str, str]] = {
     "arm": "move.operation",
     "mode": "move.operation",
     "goto": "move.motion",
+    "path": "move.motion",
     "wave": "move.motion",
     "stream": "move.stream",
     "reset": "move.operation",

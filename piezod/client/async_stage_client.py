@@ -140,10 +140,36 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         """
         refuse_without_sensor(await self.status(), axis)
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
-        arriving = Arriving(StartedMove(answer, (axis,) if axis else ()), timeout_s)
+        return (await self._arrive(StartedMove(answer, (axis,) if axis else ()), timeout_s))[0]
+
+    async def path_and_wait(
+        self,
+        points: Sequence[Mapping[str, float]],
+        *,
+        speed_per_s: float | None = None,
+        timeout_s: float | None = None,
+    ) -> tuple[Arrival, ...]:
+        """Move user axes through points; return when all are on target.
+
+        Args:
+            points: As for `path`.
+            speed_per_s: As for `path`.
+            timeout_s: As for `goto_and_wait`.
+
+        Raises:
+            NotReachedError: As for `goto_and_wait`.
+            ClientError: As in every method.
+        """
+        answer = await self.path(points, speed_per_s=speed_per_s)
+        axes = tuple(dict.fromkeys(name for point in points for name in point))
+        return await self._arrive(StartedMove(answer, axes), timeout_s)
+
+    async def _arrive(self, move: StartedMove, timeout_s: float | None) -> tuple[Arrival, ...]:
+        """Return where the axes of a movement have arrived, when all of them have."""
+        arriving = Arriving(move, timeout_s)
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             async for interval in intervals:
-                for arrived in arriving.feed(interval):
+                if arrived := arriving.feed(interval):
                     return arrived
         raise self.place.ended()
 

@@ -70,6 +70,18 @@ class StageCommands:
         return command("goto", position_um=position_um, axis=axis, speed_um_per_s=speed_um_per_s)
 
     @ClientMethod
+    def path(
+        self, points: Sequence[Mapping[str, float]], *, speed_per_s: float | None = None
+    ) -> Call[Answer]:
+        """Move user axes on straight lines through points, with a stop at each.
+
+        Args:
+            points: Points: position of each user axis that moves, in its unit.
+            speed_per_s: Highest speed of an axis, in its unit per s; None for the configured ones.
+        """
+        return command("path", points=tuple(points), speed_per_s=speed_per_s)
+
+    @ClientMethod
     def wave(
         self, command_um: Waveforms, duration_s: float, *, start_s: float | None = None
     ) -> Call[Answer]:

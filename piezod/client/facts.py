@@ -19,6 +19,7 @@ class AxisFacts(NamedTuple):
     #: How long a movement over the whole range takes at the largest speed, in s; NaN without a
     #: range.
     longest_move_s: float = nan
+    unit: str = "µm"  #: Unit of its positions: µm, or µrad of a user axis.
 
     @classmethod
     def of(cls, axis: Document, longest_move_s: float) -> Self:
@@ -30,13 +31,15 @@ class AxisFacts(NamedTuple):
         """
         low_um, high_um = axis.get("command_range_um") or (nan, nan)
         default_um_per_s = StageAxisConfig.model_fields["speed_um_per_s"].default
+        limits = axis.get("limits", {})  # a user axis has no voltage
         return cls(
             (low_um, high_um),
             axis.get("speed_um_per_s", default_um_per_s),
-            (axis["limits"]["drive_min_v"], axis["limits"]["drive_max_v"]),
+            (limits.get("drive_min_v", nan), limits.get("drive_max_v", nan)),
             axis.get("on_target", {}).get("tolerance_um", cls._field_defaults["tolerance_um"]),
-            axis.get("sensor") is not None,
+            axis.get("sensor") is not None or not limits,
             longest_move_s,
+            axis.get("unit", "µm"),
         )
 
     @property
@@ -67,5 +70,5 @@ def facts_in(config: Document) -> dict[str, AxisFacts]:
         config: The configuration in force, as the daemon returns it.
     """
     longest_s = config.get("longest_move_s", {})
-    axes = config["axes"].items()
-    return {name: AxisFacts.of(axis, longest_s.get(name, nan)) for name, axis in axes}
+    axes = {**config.get("user_axes", {}), **config["axes"]}
+    return {name: AxisFacts.of(axis, longest_s.get(name, nan)) for name, axis in axes.items()}

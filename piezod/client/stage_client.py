@@ -142,10 +142,36 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         """
         refuse_without_sensor(self.status(), axis)
         answer = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
-        arriving = Arriving(StartedMove(answer, (axis,) if axis else ()), timeout_s)
+        return (self._arrive(StartedMove(answer, (axis,) if axis else ()), timeout_s))[0]
+
+    def path_and_wait(
+        self,
+        points: Sequence[Mapping[str, float]],
+        *,
+        speed_per_s: float | None = None,
+        timeout_s: float | None = None,
+    ) -> tuple[Arrival, ...]:
+        """Move user axes through points; return when all are on target.
+
+        Args:
+            points: As for `path`.
+            speed_per_s: As for `path`.
+            timeout_s: As for `goto_and_wait`.
+
+        Raises:
+            NotReachedError: As for `goto_and_wait`.
+            ClientError: As in every method.
+        """
+        answer = self.path(points, speed_per_s=speed_per_s)
+        axes = tuple(dict.fromkeys(name for point in points for name in point))
+        return self._arrive(StartedMove(answer, axes), timeout_s)
+
+    def _arrive(self, move: StartedMove, timeout_s: float | None) -> tuple[Arrival, ...]:
+        """Return where the axes of a movement have arrived, when all of them have."""
+        arriving = Arriving(move, timeout_s)
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             for interval in intervals:
-                for arrived in arriving.feed(interval):
+                if arrived := arriving.feed(interval):
                     return arrived
         raise self.place.ended()
 

@@ -1,6 +1,6 @@
 """The configuration of a daemon: the devices and axes of a stage, and its loop."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -21,6 +21,7 @@ from piezod.config.fields import (
 )
 from piezod.config.modes import SENSED, Mode
 from piezod.config.quantities import DriveV, ModeName, Name, OneLine, Seed
+from piezod.config.transform import TransformConfig, UserAxisConfig
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 
@@ -150,6 +151,9 @@ class DaemonConfig(ConfigModel):
     axes: dict[Name, StageAxisConfig] = Field(
         min_length=1, max_length=16, description="Name: axis."
     )
+    transform: TransformConfig | None = Field(
+        default=None, description="User axes that several axes make; default: none."
+    )
     mode: ModeName = Field(
         default=Mode.FEEDFORWARD, description="Mode after `arm`, until another one is chosen."
     )
@@ -169,8 +173,29 @@ class DaemonConfig(ConfigModel):
     @model_validator(mode="after")
     def _check_rules(self, info: ValidationInfo) -> Self:
         broken = broken_devices(self.devices, self.axes, context_of(info).drivers)
-        raise_rules(chain(self._broken_mode(), broken))
+        coordinates = () if self.transform is None else self.transform.broken(self.axes)
+        raise_rules(chain(self._broken_mode(), broken, coordinates))
         return self
+
+    @property
+    def user_axes(self) -> Mapping[str, UserAxisConfig]:
+        """The user axes by name; empty if there are none."""
+        return {} if self.transform is None else self.transform.axes
+
+    def moved_by(self, axis: str) -> str:
+        """Return the user axes that move an axis, for people; empty if it is moved by itself."""
+        moved = self.transform is not None and axis in self.transform.actuators
+        return ", ".join(self.user_axes) if moved else ""
+
+    def unit(self, axis: str) -> str:
+        """Return the unit of the positions of an axis."""
+        user = self.user_axes.get(axis)
+        return "µm" if user is None else user.unit
+
+    @property
+    def shown_axes(self) -> tuple[str, ...]:
+        """Names of all axes in the order of records: the axes, then the user axes."""
+        return (*self.axes, *self.user_axes)
 
     def _broken_mode(self) -> Iterator[BrokenRule]:
         blind = [name for name, axis in self.axes.items() if axis.sensor is None]

@@ -1,6 +1,6 @@
 """Builds a stage from its configuration, ready for the loop."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from piezod.control.stage.motion_limits import allowed_range_um, range_beyond_re
 from piezod.control.stage.parts import StageParts, WatchedAxis
 from piezod.control.stage.playing import PlayRunner
 from piezod.control.stage.stage import Stage
+from piezod.control.stage.user_axes import UserAxes
 from piezod.control.watch.absent_sensor import AbsentSensor
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.control.watch.amplifier import AmplifierWatch
@@ -120,7 +121,7 @@ def make_stage(
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     stage = Stage(
-        StageParts(axes, boundary, period_ns, rebuild, plays),
+        StageParts(axes, boundary, period_ns, rebuild, plays, _user_axes(config, period_ns)),
         register,
         # No stage is relaxed by itself inside its range.
         memory_known=capabilities.opens_relaxed
@@ -130,6 +131,13 @@ def make_stage(
     for text in stage_warnings(config):
         stage.note(StageEvent(0, "warning", "range", text))
     return stage
+
+
+def _user_axes(
+    config: DaemonConfig, period_ns: int
+) -> Callable[[Sequence[StageAxis]], UserAxes] | None:
+    transform = config.transform
+    return None if transform is None else lambda axes: UserAxes(transform, axes, period_ns)
 
 
 def _model_of(name: str, axis: StageAxisConfig) -> StageModel | None:

@@ -18,6 +18,7 @@ from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.requests import execute
 from piezod.control.stage.stage import Stage
+from piezod.control.stage.user_axes import UserAxes
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.hysteresis.memory import FloatArray
 from piezod.messages.requests import Request
@@ -63,6 +64,11 @@ class StageController:
         return self._stage.state is State.STOPPING
 
     @property
+    def users(self) -> UserAxes | None:
+        """The user axes; None if there are none."""
+        return self._stage.users
+
+    @property
     def axes(self) -> list[StageAxis]:
         """The axes, in the order of the devices."""
         return self._stage.axes
@@ -90,7 +96,11 @@ class StageController:
             position_um: The setpoint, in µm; a setpoint out of range is dropped.
             t_ns: Instant at which it arrived, in ns.
         """
-        target = self._stage.axes[axis]
+        axes, users = self._stage.axes, self._stage.users
+        if users is not None and axis >= len(axes):
+            users.take_setpoint(axis - len(axes), position_um, t_ns)
+            return
+        target = axes[axis]
         if target.stream is None or target.follows_input:
             return
         if target.motion_limits.allow(position_um):

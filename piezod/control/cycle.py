@@ -79,12 +79,16 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     """
     devices, axes, stage = parts.devices, parts.axes, parts.stage
     slew_halved: Sequence[int] = ()
+    users = None if stage is None else stage.users
     # Read, read back. A driver that fails gives invalid samples and NaN.
-    samples = devices.read(t_ns)
+    samples = readings = devices.read(t_ns)
     read_back_v = devices.read_back(t_ns)
+    if users is not None:  # the displacement of each actuator, from the readings of all sensors
+        samples = users.displacements(readings, t_ns)
     if stage is not None and parts.loop_watch is not None:
         loop_watch = parts.loop_watch
-        samples, slew_halved = _watch(stage, loop_watch, t_ns, samples, read_back_v, timing)
+        read = (readings, samples)
+        samples, slew_halved = _watch(stage, loop_watch, t_ns, read, read_back_v, timing)
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
     outputs = [axis.update(t_ns, samples[i]) for i, axis in enumerate(axes)]
@@ -111,6 +115,8 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     ]
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
+    if users is not None:
+        records += users.records(records, t_ns)
     _watch_write(stage, admitted, outputs, written)
     written &= not held
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
@@ -123,24 +129,45 @@ def _watch(
     stage: Stage,
     loop_watch: LoopWatch,
     t_ns: int,
-    samples: Sequence[Sample],
+    read: tuple[Sequence[Sample], Sequence[Sample]],
     read_back_v: Sequence[float],
     timing: CycleTiming,
 ) -> tuple[Sequence[Sample], Sequence[int]]:
-    """Find faults and react; return the samples that may be used, and axes with half the slew."""
+    """Find faults and react; return the samples that may be used, and axes with half the slew.
+
+    Args:
+        stage: The stage.
+        loop_watch: The watch of the loop.
+        t_ns: Instant of the cycle, in ns.
+        read: Readings of the sensors, and the displacements of the axes; the same without user
+            axes.
+        read_back_v: Voltage of each axis, in V; NaN if the amplifier does not report it.
+        timing: Timing of the loop.
+    """
     try:
         # Screen, watch: the samples that may be used, and the detected faults.
         detections = [*loop_watch.check(timing), *stage.take_reports()]
-        usable = _watch_axes(stage, t_ns, samples, read_back_v, timing, detections)
+        usable = _watch_axes(stage, t_ns, read, read_back_v, timing, detections)
         _watch_stage(stage, t_ns, read_back_v, detections)
         # Faults: which are new, and the worst reaction to them.
         reaction = stage.register.update(detections, t_ns)
         # React: change the state, then take the edges that time and devices cause.
         react(stage, reaction, t_ns)
-        advance(stage, t_ns, usable, read_back_v)
+        advance(stage, t_ns, _shown(read, usable), read_back_v)
         return usable, overloaded_axes(stage)
     except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
-        return _hold_after_crash(stage, t_ns, samples, error), ()
+        return _hold_after_crash(stage, t_ns, read[1], error), ()
+
+
+def _shown(
+    read: tuple[Sequence[Sample], Sequence[Sample]], usable: Sequence[Sample]
+) -> Sequence[Sample]:
+    """Return what the sensors show, valid as the displacements are."""
+    readings, samples = read
+    if readings is samples:
+        return usable
+    pairs = zip(readings, usable, strict=True)
+    return [Sample(shown.t_ns, shown.position_um, used.valid) for shown, used in pairs]
 
 
 def _write(parts: CycleParts, admitted: Admitted, t_ns: int) -> bool:
@@ -161,12 +188,13 @@ def _write(parts: CycleParts, admitted: Admitted, t_ns: int) -> bool:
 def _watch_axes(
     stage: Stage,
     t_ns: int,
-    samples: Sequence[Sample],
+    read: tuple[Sequence[Sample], Sequence[Sample]],
     read_back_v: Sequence[float],
     timing: CycleTiming,
     detections: list[Detection],
 ) -> Sequence[Sample]:
     """Add the faults of all axes; return the samples that may be used."""
+    readings, samples = read
     if timing.skipped:
         for axis, watch in zip(stage.axes, stage.watches, strict=True):
             axis.law.pause_learning()
@@ -179,7 +207,15 @@ def _watch_axes(
         sensor_flags, amplifier_flags = flags[i], flags[n_axes + i]
         usable.append(
             _watch_axis(
-                stage, i, t_ns, sample, sensor_flags, amplifier_flags, read_back_v[i], detections
+                stage,
+                i,
+                t_ns,
+                sample,
+                None if readings is samples else readings[i].position_um,
+                sensor_flags,
+                amplifier_flags,
+                read_back_v[i],
+                detections,
             )
         )
     return usable
@@ -190,6 +226,7 @@ def _watch_axis(
     i: int,
     t_ns: int,
     sample: Sample,
+    reading_um: float | None,
     sensor_flags: Flags,
     amplifier_flags: Flags,
     read_back_v: float,
@@ -212,6 +249,7 @@ def _watch_axis(
         axis.command_um,
         driven=driven and not boundary.shadow,
         needed=closed,
+        reading_um=reading_um,
     ):
         # Missing samples (S5) are the consequence of a bus fault, which is reported already.
         if detection.fault is not Fault.S5 or not bus.explains_silence:
@@ -244,6 +282,11 @@ def _watch_stage(
         text = f"a driver failed: {boundary.crash!r}"
         detections.append(_crashed(stage, t_ns, Fault.P3, -1, text))
         boundary.crash = None
+    users = stage.users
+    if users is not None and users.crash is not None:
+        text = f"the user axes failed: {users.crash!r}"
+        detections.append(_crashed(stage, t_ns, Fault.P4, -1, text))
+        users.crash = None
     if stage.estop_pressed():
         detections.append(_ESTOP)
     if driven and not boundary.shadow:

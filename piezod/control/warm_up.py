@@ -138,6 +138,12 @@ def waves_over_the_range(
     }
 
 
+def _user_path(config: DaemonConfig) -> Sequence[requests.Path]:
+    """Return a movement of the user axes, if there are any, to the middle of their ranges."""
+    middle = {name: sum(axis.range) / 2 for name, axis in config.user_axes.items()}
+    return (requests.Path(points=(middle,)),) if middle else ()
+
+
 def warm_up(config: DaemonConfig) -> None:
     """Run a stage of this configuration through all states and modes, without its devices.
 
@@ -156,6 +162,7 @@ def warm_up(config: DaemonConfig) -> None:
         requests.Zero(),
         requests.Arm(),
         *(requests.SelectMode(mode=mode) for mode in Mode),
+        *_user_path(config),
         requests.Wave(command_um=waves, duration_s=1.0),
         requests.Hold(),
         requests.Resume(),

@@ -58,9 +58,10 @@ class MotorRecord:
         put: Gets what clients write.
     """
 
-    def __init__(self, name: str, put: Put) -> None:
-        self.name, self._put = name, put
+    def __init__(self, name: str, put: Put, unit: str = "um") -> None:
+        self.name, self._put, self.unit = name, put, unit
         self._values: dict[str, float | str] = {field.name: field.start for field in FIELDS}
+        self._values["EGU"] = unit
         self._alarm: Alarm = DOWN
         self._accepted = True
         self._moving_write = 0
@@ -109,8 +110,8 @@ class MotorRecord:
         self._address = address
         places = imports.get_field_offsets(TYPE_NAME)
         self._offsets = {name: offset for name, (offset, _, _) in places.items()}
-        for field in FIELDS:
-            self._write(field.name, field.start)
+        for name, value in self._values.items():
+            self._write(name, value)
 
     def take(self, name: str) -> None:
         """Take what a client has written to a field; put the old value back if it is refused."""
@@ -222,7 +223,11 @@ def _special(address: Any, after: int) -> int:
 
 
 def _get_units(address: Any, units: int) -> int:
-    text = _FIELDS[_target(address)[1]].unit.encode() + b"\0"
+    record, name = _target(address)
+    unit = _FIELDS[name].unit
+    if unit.startswith("um"):
+        unit = record.unit + unit.removeprefix("um")
+    text = unit.encode() + b"\0"
     ctypes.memmove(units, text, len(text))
     return 0
 

@@ -1,5 +1,6 @@
 """The interface of the records, which softioc implements, and tests."""
 
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from typing import NamedTuple, Protocol
 
@@ -50,6 +51,7 @@ class Names(NamedTuple):
 
     prefix: str  #: Begin of the names.
     axes: tuple[str, ...]  #: Names of the axes.
+    units: Mapping[str, str] = {}  #: Units of user axes in another one than um, as `urad`.
 
     def motor(self, axis: str) -> str:
         """Return the name of the motor record of an axis."""
@@ -63,6 +65,14 @@ class Names(NamedTuple):
         """Return the full names of all records, without the motor records."""
         stage = [(f"{self.prefix}{each.name}", each) for each in STAGE_RECORDS]
         axes = [
-            (self.of_axis(axis, each.name), each) for axis in self.axes for each in AXIS_RECORDS
+            (self.of_axis(axis, each.name), self._in_its_unit(axis, each))
+            for axis in self.axes
+            for each in AXIS_RECORDS
         ]
         return stage + axes
+
+    def _in_its_unit(self, axis: str, record: Record) -> Record:
+        unit = self.units.get(axis)
+        if unit is None or not record.unit.startswith("um"):
+            return record
+        return record._replace(unit=record.unit.replace("um", unit, 1))

@@ -17,6 +17,7 @@ from piezod.errors import PiezodError
 from piezod.ioc.lists import write_files
 from piezod.ioc.records import Names
 from piezod.ioc.stage import IocStage
+from piezod.messages.answers import AxisStatus
 
 _LOOPBACK: Final = IPv4Address("127.0.0.1")
 _LONGEST_NAME: Final = 60
@@ -68,13 +69,14 @@ def environment(interfaces: Sequence[IPv4Address], environ: Mapping[str, str]) -
     return {**variables, **kept}
 
 
-def names_of(prefix: str, stage: str, axes: Sequence[str]) -> Names:
+def names_of(prefix: str, stage: str, axes: Mapping[str, AxisStatus]) -> Names:
     """Return the names of the records of a stage.
 
     Raises:
         PiezodError: If a name is too long for EPICS.
     """
-    names = Names(prefix.replace("{stage}", stage), tuple(axes))
+    units = {name: each.unit.replace("µ", "u") for name, each in axes.items() if each.unit != "µm"}
+    names = Names(prefix.replace("{stage}", stage), tuple(axes), units)
     longest = max((name for name, _ in names.all()), key=len)
     if len(longest) > _LONGEST_NAME:
         what = f"the name {longest} has {len(longest)} characters, EPICS allows {_LONGEST_NAME}"
@@ -101,7 +103,7 @@ def write_lists(plan: IocPlan, folder: Path) -> list[Path]:
     for key, socket in plan.sockets.items():
         with StageClient(socket=socket, name="ioc") as client:
             status = client.status()
-        names = names_of(plan.prefix, key, tuple(status.axes))
+        names = names_of(plan.prefix, key, status.axes)
         written += write_files(folder, key, names, status.title or key)
     return written
 
@@ -116,7 +118,7 @@ async def _serve(
     for key, socket in plan.sockets.items():
         async with AsyncStageClient(socket=socket, name="ioc") as client:
             found[key] = await client.status()
-        stages[key] = IocStage(socket, names_of(plan.prefix, key, tuple(found[key].axes)), report)
+        stages[key] = IocStage(socket, names_of(plan.prefix, key, found[key].axes), report)
     try:
         from piezod.ioc.softioc_records import SoftIoc  # noqa: PLC0415 - needs the extra `epics`
     except ImportError as error:

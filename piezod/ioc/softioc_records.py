@@ -89,7 +89,8 @@ class SoftIoc:
             act, check = self._acting(full, stage, axis, record), _checking(full, stage, record)
             self._records[full] = _make(full, record, act, check)
         self.motors[key] = {
-            axis: MotorRecord(names.motor(axis), _putting(stage, axis)) for axis in names.axes
+            axis: MotorRecord(names.motor(axis), _putting(stage, axis), names.units.get(axis, "um"))
+            for axis in names.axes
         }
 
     def _acting(self, full: str, stage: IocStage, axis: str, record: Record) -> Act:

@@ -56,6 +56,9 @@ class AxisStatus:
     """
 
     has_sensor: bool = True  #: Whether a sensor measures the axis.
+    unit: str = "µm"  #: Unit of its positions, also where a name ends in `_um`: µm or µrad.
+    #: User axes that move it, "x, y": it takes no commands of its own; empty if it does.
+    moved_by: str = ""
     position_um: float | None = None  #: Measured position, in µm; None without a usable sample.
     command_um: float | None = None  #: Commanded position, in µm; None if there is none.
     #: Drive voltage, in V; in state BLIND the one that the amplifier reports.
@@ -163,7 +166,10 @@ class Status(Message):
     not_realtime: Annotated[tuple[str, ...], Shown("not real-time", marks=DETAIL)] = ()
     #: Devices as the loop found them: name, identity, placement, round trip, abilities.
     devices: tuple[Document, ...] = ()
-    axes: dict[str, AxisStatus]  #: Axes by name.
+    axes: dict[str, AxisStatus]  #: Axes by name, user axes first.
+    #: How far the position is from the path of the command, whatever the time, in µm, or in µrad if
+    #: only such user axes make a plane; None without user axes, or if it is unknown.
+    contour_um: Annotated[float | None, Shown("contour error", marks=DETAIL)] = None
     lease: Lease | None = None  #: The lease; None if it is free.
     #: Role of this client: viewer, operator or engineer; empty if the daemon does not tell.
     role: str = ""

@@ -40,6 +40,7 @@ from piezod.messages.endpoints import (
 )
 
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
+Point: TypeAlias = Annotated[dict[Name, PositionUm], Field(min_length=1, max_length=16)]
 AxisName: TypeAlias = Name | None
 ScanV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=40_000)]
 Scale: TypeAlias = Annotated[float, Quantity(0.1, 10)]
@@ -93,6 +94,21 @@ class Goto(ConfigModel):
     axis: AxisName = None
     position_um: PositionUm
     speed_um_per_s: Annotated[float, Quantity(1e-3, 1e6, "µm/s")] | None = None
+
+
+class Path(ConfigModel):
+    """Move user axes on straight lines from point to point, with a stop at each.
+
+    All axes begin and end together. The user axes are those of `transform:`.
+    """
+
+    kind: Literal["path"] = "path"
+    points: tuple[Point, ...] = Field(
+        min_length=1, max_length=1000, description="Points: position of each user axis that moves."
+    )
+    speed_per_s: Annotated[float, Quantity(1e-3, 1e6)] | None = Field(
+        default=None, description="Highest speed of an axis, in its unit per s."
+    )
 
 
 class Wave(ConfigModel):
@@ -303,6 +319,7 @@ Request: TypeAlias = Annotated[
     | Disarm
     | SelectMode
     | Goto
+    | Path
     | Wave
     | Stream
     | Follow
@@ -355,6 +372,7 @@ _ROWS: Final = (
         done="the displacement at the rest voltage is zero from now on",
     ),
     _row(Goto, WITH_LEASE, Group.MOVE),
+    _row(Path, WITH_LEASE_BY_POINTS, Group.MOVE),
     _row(Wave, WITH_LEASE_BY_POINTS, Group.MOVE),
     _row(Follow, WITH_LEASE, Group.MOVE, done="following the command input"),
     _row(Hold, TOWARDS_SAFETY, Group.MOVE, done="holding the voltage; `piezod resume` continues"),

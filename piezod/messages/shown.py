@@ -37,9 +37,15 @@ _UNITS: Final[Mapping[str, Unit]] = {
 }
 
 
-def unit_of(name: str) -> Unit:
-    """Return the unit of a field, from the end of its name; an empty one if it has none."""
-    return _UNITS.get(name.rpartition("_")[2], Unit())
+def unit_of(name: str, of_axis: str = "µm") -> Unit:
+    """Return the unit of a field, from the end of its name; an empty one if it has none.
+
+    Args:
+        name: Name of the field.
+        of_axis: Unit of the positions of its axis: that of a user axis may be µrad.
+    """
+    unit = _UNITS.get(name.rpartition("_")[2], Unit())
+    return unit._replace(sign=of_axis) if unit.sign == "µm" else unit
 
 
 class Trait(Flag):

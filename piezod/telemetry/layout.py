@@ -139,15 +139,17 @@ class Layout:
     capacity: int  #: Number of records in the ring.
     period_ns: int  #: Period of the loop, in ns.
     devices: tuple[str, ...] = ()  #: Names of the devices, in order.
+    users: int = 0  #: Number of the last axes that are user axes, which learn nothing.
 
     @classmethod
     def of(cls, config: DaemonConfig) -> Self:
         """Return the layout for a stage: 16 s of records, or as many as fit into 80 MiB."""
         # The 80 MiB bind only for fast loops with many axes.
-        fitting = RING_MAX_BYTES // record_bytes(len(config.axes))
+        axes = config.shown_axes
+        fitting = RING_MAX_BYTES // record_bytes(len(axes))
         capacity = min(max(round(RING_S * config.rate_hz), 64), fitting)
         period_ns = s_to_ns(1 / config.rate_hz)
-        return cls(tuple(config.axes), capacity, period_ns, tuple(config.devices))
+        return cls(axes, capacity, period_ns, tuple(config.devices), len(config.user_axes))
 
     @property
     def rate_hz(self) -> float:
@@ -167,6 +169,7 @@ class Layout:
             fields["capacity"],
             fields["period_ns"],
             tuple(fields["devices"]),
+            fields["users"],
         )
 
     def parts(self) -> dict[str, slice]:

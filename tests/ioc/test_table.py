@@ -4,6 +4,7 @@ from piezod.ioc.motor_fields import FIELDS, definition, derived
 from piezod.ioc.records import Names
 from piezod.ioc.server import names_of
 from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS
+from piezod.messages.answers import AxisStatus
 from tests.ioc_tables import PAGE, page
 
 
@@ -31,7 +32,7 @@ def test_names_differ() -> None:
 
 def test_prefix() -> None:
     """The name of the stage stands where the prefix says."""
-    names = names_of("BL7:{stage}:", "bench", ("x",))
+    names = names_of("BL7:{stage}:", "bench", {"x": AxisStatus()})
 
     assert names.motor("x") == "BL7:bench:x"
     assert names.of_axis("x", "POS") == "BL7:bench:x:POS"

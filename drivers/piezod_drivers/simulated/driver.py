@@ -25,6 +25,7 @@ from piezod_drivers.simulated.axis import (
     axis_and_quantity,
     make_axis,
 )
+from piezod_drivers.simulated.coupling import RigCoupling
 from piezod_drivers.simulated.options import SimulatedOptions
 from piezod_drivers.simulated.pattern import counts_at
 from piezod_drivers.simulated.player import TablePlayer
@@ -62,6 +63,7 @@ class SimulatedRig:
         self._channels: list[SimulatedAxis] = []
         self._driven: list[SimulatedAxis] = []
         self._player, self._playing = TablePlayer([], 0, [], options.sub_step_ns), False
+        self._coupling: RigCoupling | None = None
         self._origin_ns: int | None = None
         self._active = False
 
@@ -80,6 +82,8 @@ class SimulatedRig:
         self._driven = self._channels[: len(self._wiring.outputs)]
         outputs, sub_step_ns = len(self._wiring.outputs), self._options.sub_step_ns
         self._player = TablePlayer(self._channels, outputs, self._inputs, sub_step_ns)
+        if self._options.coupling:
+            self._coupling = RigCoupling(self._options.coupling, self._axes, self._inputs)
         self._origin_ns = None
         return Identity(
             maker="piezod",
@@ -126,12 +130,15 @@ class SimulatedRig:
         t_ns = self._played_to(now_ns)
         for axis_model in self._channels:
             axis_model.plant.advance_to(t_ns)
-        return [
+        own = [
             self._counted(now_ns)
             if quantity == PHOTONS
             else _sample(self._channels[i], quantity, now_ns)
             for i, quantity in self._inputs
         ]
+        if self._coupling is None:
+            return own
+        return self._coupling.samples(own, [_sample(each, "", now_ns) for each in self._channels])
 
     def _counted(self, now_ns: int) -> Sample:
         true_um = [[axis_model.plant.true_displacement_um for axis_model in self._driven]]
@@ -150,7 +157,10 @@ class SimulatedRig:
         t_ns = self._played_to(now_ns)
         for axis_model in self._channels:
             axis_model.plant.advance_to(t_ns)
-        return [self._channels[i].plant.true_displacement_um for i, _ in self._inputs]
+        true_um = [each.plant.true_displacement_um for each in self._channels]
+        if self._coupling is not None:
+            true_um = self._coupling.matrix.dot(true_um).tolist()
+        return [true_um[i] for i, _ in self._inputs]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Command a voltage for each axis, in V; all are accepted or none. Real-time safe.
@@ -194,8 +204,14 @@ class SimulatedRig:
         return [axis_model.plant.drive_v for axis_model in driven]
 
     def player_capabilities(self) -> PlayerCapabilities:
-        """Return the capabilities: points are on the grid of the physics."""
+        """Return the capabilities: points are on the grid of the physics.
+
+        Raises:
+            DeviceError: If its axes are coupled: a record would show each axis by itself.
+        """
         self._require_open()
+        if self._coupling is not None:
+            raise DeviceError("the rig plays no tables while its axes are coupled")
         return self._player.capabilities
 
     def load(self, table: Table, check: Check = go_on) -> Table:

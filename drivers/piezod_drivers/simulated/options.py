@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field, create_model
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity
+from piezod.config.quantities import Name
 from piezod.plant.effects import EFFECTS, without
 from piezod.plant.laws import HysteresisLaw, PowerLaw
 from piezod.plant.parameters import (
@@ -151,6 +152,10 @@ class SimulatedOptions(ConfigModel):
     calibration: (
         Annotated[Commissioned | SensorLine | SensorTable, Field(discriminator="kind")] | None
     ) = Field(None, description="known curve of the sensor; left out: that of the variant")
+
+    coupling: dict[Name, dict[Name, Annotated[float, Quantity(-0.5, 0.5)]]] = Field(
+        {}, description="axis: how far 1 µm of each other axis moves it, µm"
+    )
 
     sub_step_us: Literal[10, 20, 50] = Field(
         50, description="step of the physics, and shortest interval of a table, µs"

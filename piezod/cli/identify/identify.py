@@ -128,6 +128,14 @@ AdoptOption: TypeAlias = Annotated[
     bool, typer.Option("--adopt", help="With --live: the stage uses the model from now on.")
 ]
 
+CouplingOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--coupling",
+        help="Fit how far the axes move each other, for `transform:`; DATA is a recording that "
+        "moves one axis after the other. Only with --out and --json.",
+    ),
+]
 VerboseOption: TypeAlias = Annotated[
     bool,
     typer.Option("--verbose", help="Print the choice, all errors, and a drive to record, too."),
@@ -153,6 +161,7 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     live: LiveOption = False,
     drive: DriveOption = None,
     adopt: AdoptOption = False,
+    coupling: CouplingOption = False,
     axis: AxisOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
@@ -176,24 +185,30 @@ def identify(  # noqa: PLR0913, PLR0917 - each argument is an option
     choices = choices_of(columns, scale, offset, invert, rate_hz)
     _check_usage(data, live=live, only_live=(drive, adopt, stage, socket), choices=choices)
     check_yaml_out(out)
+    if coupling:
+        _fit_coupling(data, out, alone=not (test or axis or choices), json=json)
+        return
     # numba, scipy and matplotlib take long to import.
     from piezod.cli.identify.run import FitJob, fit_file, fit_live
     from piezod.cli.identify.settings import fit_settings, given_delay_s
 
     settings = fit_settings(method, order, thresholds, creep)
-    job = FitJob(
-        test,
-        skip_s,
-        given_delay_s(delay_s, settings),
-        settings,
-        vector=vector,
-        verbose=verbose,
-    )
+    given_s = given_delay_s(delay_s, settings)
+    job = FitJob(test, skip_s, given_s, settings, vector=vector, verbose=verbose)
     if data is not None:
         fit_file(data, job._replace(axis=axis, choices=choices), out, json=json)
         return
     with unwinding(), connect(stage, socket) as client:
         fit_live(client, job, axis, drive, out, adopt=adopt, json=json)
+
+
+def _fit_coupling(data: Path | None, out: Path | None, *, alone: bool, json: bool) -> None:
+    """Fit couplings in place of a model."""
+    if data is None or not alone:
+        raise typer.BadParameter("--coupling goes with DATA, --out and --json only")
+    from piezod.cli.identify.coupling_run import fit_couplings
+
+    fit_couplings(data, out, json=json)
 
 
 def _check_usage(

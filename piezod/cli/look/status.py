@@ -100,7 +100,8 @@ def _summary(found: Status) -> str:
         for name, field in STAGE.items()
         if field.has(COLUMN)
     )
-    parts = (found.state, shadow, *columns, processor, skipped)
+    contour = "" if found.contour_um is None else f"contour error {found.contour_um:.3f}"
+    parts = (found.state, shadow, *columns, contour, processor, skipped)
     text = ", ".join(filter(None, parts))
     return f"{found.stage}: {text}" if found.stage else text
 
@@ -110,15 +111,17 @@ def axes_table(found: Status) -> "Table":
     table = new_table("axis", right=tuple(column.heading for column in answers.COLUMNS))
     table.add_column("")
     for name, axis in found.axes.items():
+        named = name if axis.unit == "µm" else f"{name}, in {axis.unit}"
         shown = (column.text(getattr(axis, column.name)) for column in answers.COLUMNS)
-        table.add_row(name, *shown, _remark(axis))
+        table.add_row(named, *shown, _remark(axis))
     return table
 
 
 def _remark(axis: AxisStatus) -> str:
     limited = "" if axis.limited == "none" else f"drive limited: {axis.limited}"
     arrived = "on target" if axis.on_target else ""
-    return ", ".join(filter(None, (limited, arrived if axis.has_sensor else "no sensor")))
+    moved = f"moved by {axis.moved_by}" if axis.moved_by else ""
+    return ", ".join(filter(None, (limited, arrived if axis.has_sensor else "no sensor", moved)))
 
 
 def _devices(devices: Sequence[Document]) -> "Table":

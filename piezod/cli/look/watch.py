@@ -48,8 +48,9 @@ def _show(client: StageClient, rate_hz: float, axes: list[str]) -> None:
     if console.is_terminal and not console.is_dumb_terminal:
         _show_in_place(client, console, rate_hz, axes)
     else:
+        ranges = ranges_of(client.config())
         for interval in client.telemetry(rate_hz, axes):
-            console.print(view_line(interval), soft_wrap=True)
+            console.print(view_line(interval, ranges), soft_wrap=True)
 
 
 def _show_in_place(client: StageClient, console: Console, rate_hz: float, axes: list[str]) -> None:

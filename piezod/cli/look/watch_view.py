@@ -33,15 +33,17 @@ class AxisRanges(NamedTuple):
 
     position_um: Bounds | None  #: Range of the command, in µm.
     drive_v: Bounds | None  #: Range of the drive voltage, in V.
+    unit: str = "µm"  #: Unit of the positions; that of a user axis may be µrad.
 
 
 def ranges_of(config: Mapping[str, Any]) -> dict[str, AxisRanges]:
     """Return the ranges of the axes of a daemon's configuration."""
     ranges = {}
-    for name, axis in config.get("axes", {}).items():
+    for name, axis in (config.get("axes", {}) | config.get("user_axes", {})).items():
         limits, command_um = axis.get("limits") or {}, axis.get("command_range_um")
         drive_v = limits.get("drive_min_v"), limits.get("drive_max_v")
-        ranges[name] = AxisRanges(_bounds(command_um), _bounds(drive_v))
+        unit = axis.get("unit", "µm")
+        ranges[name] = AxisRanges(_bounds(command_um), _bounds(drive_v), unit)
     return ranges
 
 
@@ -124,11 +126,12 @@ class WatchView:
             yield table
 
 
-def view_line(interval: Telemetry) -> str:
+def view_line(interval: Telemetry, ranges: Mapping[str, AxisRanges]) -> str:
     """Return the view of an interval as one line."""
+    units = {name: ranges[name].unit if name in ranges else "µm" for name in interval.axes}
     axes = (
-        f"{name}: {number(axis.position_um.last, 3)} µm, error {number(axis.error_um.last, 3)} µm, "
-        f"{number(axis.drive_v.last, 2)} V"
+        f"{name}: {number(axis.position_um.last, 3)} {units[name]}, "
+        f"error {number(axis.error_um.last, 3)} {units[name]}, {number(axis.drive_v.last, 2)} V"
         for name, axis in interval.axes.items()
     )
     faults = f"faults {', '.join(interval.faults)}" if interval.faults else ""
@@ -143,13 +146,15 @@ def _rows(
     arrived = Text("on target", "green") if axis.on_target else ""
     yield Text(name, "bold"), Text(axis.mode, "cyan"), arrived, Text(f"last {SPAN_S:.0f} s", "dim")
     position_um, error_um, drive_v = axis.position_um, axis.error_um, axis.drive_v
-    command = f"of {number(axis.command_um.last, 3)} µm"
+    unit = ranges.unit
+    command = f"of {number(axis.command_um.last, 3)} {unit}"
     bar = _bar(position_um.last, ranges.position_um)
-    yield "position", f"{number(position_um.last, 3)} µm", command, bar
+    yield "position", f"{number(position_um.last, 3)} {unit}", command, bar
     worst_um = history.error_um.range or (None, None)
     # From 0, because the sign is left out.
     line = Sparkline(history.error_um, low=0.0, style="yellow")
-    yield "error", f"{number(error_um.last, 3)} µm", f"up to {number(worst_um[1], 3)} µm", line
+    worst = f"up to {number(worst_um[1], 3)} {unit}"
+    yield "error", f"{number(error_um.last, 3)} {unit}", worst, line
     low_v, high_v = history.drive_v.range or (None, None)
     between = f"{number(low_v, 1)} to {number(high_v, 1)} V"
     lowest_v, highest_v = ranges.drive_v or (None, None)

@@ -1,4 +1,4 @@
-"""`piezod goto` and `piezod wave`: movements."""
+"""`piezod goto`, `piezod path` and `piezod wave`: movements."""
 
 import inspect
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from piezod.cli.input_file import load_file
 from piezod.cli.options import JsonOption
-from piezod.cli.output import error_console, print_warnings
+from piezod.cli.output import error_console, print_json, print_warnings
 from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import (
     AxisOption,
@@ -31,7 +31,14 @@ _SWING_OPTIONS: Final = ", ".join(f"--{kind}" for kind in SWINGS)
 
 
 def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
-    position_um: Annotated[float, typer.Argument(metavar="POSITION", help="Target, in µm.")],
+    positions: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="POSITION",
+            help="Target, in µm; or AXIS=POSITION of each user axis, which then move on a straight "
+            "line.",
+        ),
+    ],
     axis: AxisOption = None,
     speed: Annotated[
         float | None,
@@ -58,6 +65,14 @@ def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
     json: JsonOption = False,
 ) -> None:
     """Start a movement to a position, and with --wait return at its end."""
+    if "=" in positions[0]:
+        if axis is not None:
+            raise typer.BadParameter("--axis goes with one POSITION, AXIS=POSITION names its axis")
+        path([",".join(positions)], speed, wait, timeout, stage, socket, json)
+        return
+    position_um = _number(positions[0])
+    if len(positions) > 1:
+        raise typer.BadParameter(f"one POSITION, or AXIS=POSITION (got {' '.join(positions)})")
     with connect(stage, socket) as client:
         if wait:
             arrival = client.goto_and_wait(
@@ -67,6 +82,62 @@ def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
         else:
             answer = client.goto(position_um, axis=axis, speed_um_per_s=speed)
             print_answer(answer, f"going to {position_um:g} µm", json=json)
+
+
+def path(
+    points: Annotated[
+        list[str],
+        typer.Argument(metavar="POINT", help="Points, as in x=5,y=3; in the units of the axes."),
+    ],
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PER_S", help="Highest speed of an axis, in its unit/s; default: as configured."
+        ),
+    ] = None,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Return when all axes are on target, as for `goto`.")
+    ] = False,
+    timeout: Annotated[
+        float | None, typer.Option(metavar="S", min=0.0, help="Longest time to wait, s.")
+    ] = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Move user axes on straight lines from point to point."""
+    given = [_point(each) for each in points]
+    last = {name: at for point in given for name, at in point.items()}
+    there = ", ".join(f"{name} {at:g}" for name, at in last.items())
+    with connect(stage, socket) as client:
+        if wait:
+            arrivals = client.path_and_wait(given, speed_per_s=speed, timeout_s=timeout)
+            text = ", ".join(f"{each.axis} {each.position_um:.3f}" for each in arrivals)
+            if json:
+                print_json({"arrivals": [each.document for each in arrivals]})
+            else:
+                print_answer(arrivals[0], f"at {text}", json=False)
+        else:
+            answer = client.path(given, speed_per_s=speed)
+            print_answer(answer, f"going to {there}", json=json)
+
+
+def _point(text: str) -> dict[str, float]:
+    """Return the point of a text like x=5,y=3."""
+    point: dict[str, float] = {}
+    for part in text.split(","):
+        name, found, number = part.partition("=")
+        if not found or name in point:
+            raise typer.BadParameter(f"a point is like x=5,y=3 (got {text!r})")
+        point[name] = _number(number)
+    return point
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"a position must be a number (got {text!r})") from None
 
 
 def _with_swings(command: Callable[..., None]) -> Callable[..., None]:

@@ -5,7 +5,9 @@ ends. It starts with the position and the speed of the reference before it, and 
 allowed range of positions.
 """
 
-from collections.abc import Callable
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from itertools import accumulate
 from math import cos, isfinite, nan, tau
 from typing import Final, NamedTuple
 
@@ -77,7 +79,7 @@ class CornerFilter:
 Reference = Callable[[float], float]
 """Position over time: seconds since its start to µm."""
 
-_PEAK: Final = 1.875
+PEAK: Final = 1.875
 """Highest speed of a minimum-jerk motion from rest to rest, over its mean speed: 15/8."""
 SHORTEST_MOTION_PERIODS: Final = 3.0
 """Shortest duration of a movement, in periods of the first mode."""
@@ -107,15 +109,21 @@ class MotionLimits(NamedTuple):
         """Return whether a position may be commanded: it is finite and in the range."""
         return isfinite(position_um) and self.low_um <= position_um <= self.high_um
 
-    def refusal(self, low_um: float, high_um: float) -> str:
-        """Return why positions in a range may not be commanded; empty if they may."""
+    def refusal(self, low_um: float, high_um: float, unit: str = "µm") -> str:
+        """Return why positions in a range may not be commanded; empty if they may.
+
+        Args:
+            low_um: Lowest position, in µm.
+            high_um: Highest position, in µm.
+            unit: Unit of all of them, of a user axis: µm or µrad.
+        """
         slack_um = 1e-9 * (self.high_um - self.low_um)  # bounds are sums, with rounding errors
         if low_um >= self.low_um - slack_um and high_um <= self.high_um + slack_um:
             return ""
         # With all digits: a value that is hardly too large would look like the bound.
         got = f"{low_um:.12g}" if low_um == high_um else f"{low_um:.12g} to {high_um:.12g}"
-        allowed = f"allowed range {self.low_um:g} to {self.high_um:g} µm"
-        return f"position out of range (got {got} µm), {allowed}"
+        allowed = f"allowed range {self.low_um:g} to {self.high_um:g} {unit}"
+        return f"position out of range (got {got} {unit}), {allowed}"
 
 
 def motion_limits(
@@ -141,7 +149,7 @@ def rest_at(position_um: float) -> Motion:
 
 def moving_s(way_um: float, limits: MotionLimits) -> float:
     """Return how long a movement from rest to rest takes, in s."""
-    return max(_PEAK * abs(way_um) / limits.speed_um_per_s, limits.shortest_s)
+    return max(PEAK * abs(way_um) / limits.speed_um_per_s, limits.shortest_s)
 
 
 def smooth_motion(
@@ -206,6 +214,17 @@ def rejoin(motion: Motion, elapsed_s: float, start_um: float, limits: MotionLimi
     return Motion(reference_um, max(motion.duration_s - elapsed_s, fade_s), motion.target_um)
 
 
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Return movements one after the other; each begins where the one before it ends."""
+    ends_s = list(accumulate(motion.duration_s for motion in motions))
+
+    def reference_um(t_s: float) -> float:
+        index = min(bisect_right(ends_s, t_s), len(motions) - 1)
+        return motions[index].reference_um(t_s - (ends_s[index] - motions[index].duration_s))
+
+    return Motion(reference_um, ends_s[-1], motions[-1].target_um)
+
+
 def lead_in(
     waveform: Waveform, start_um: float, start_um_per_s: float, limits: MotionLimits
 ) -> Motion:
@@ -247,7 +266,11 @@ def waveform_motion(
     return Motion(reference_um, begins_s + duration_s, end_um)
 
 
-class StreamedReference:
+class UnknownFuture:
+    """A reference whose later values are unknown: it returns the present one for them."""
+
+
+class StreamedReference(UnknownFuture):
     """Follows the newest setpoint of a stream, no faster than the axis may move. Real-time safe.
 
     Args:

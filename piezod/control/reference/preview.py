@@ -5,7 +5,7 @@ from math import nan
 
 import numpy as np
 
-from piezod.control.reference.motion import PERIOD_TOLERANCE, CornerFilter, StreamedReference
+from piezod.control.reference.motion import PERIOD_TOLERANCE, CornerFilter, UnknownFuture
 from piezod.dynamics.model import FloatArray
 from piezod.dynamics.preview import PreviewFilter
 from piezod.jit import compiled
@@ -117,7 +117,7 @@ class ReferenceShaper:
             moving: Whether the stage has followed the reference before it.
         """
         moving = moving and self._in_use
-        self._in_use = self._previewed is not None and not isinstance(reference, StreamedReference)
+        self._in_use = self._previewed is not None and not isinstance(reference, UnknownFuture)
         if self._previewed is None or not self._in_use:
             return CornerFilter(reference, self._first_mode_hz, self._period_s)
         self._previewed.follow(reference, moving=moving)

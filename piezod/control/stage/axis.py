@@ -184,7 +184,7 @@ class StageAxis:
 
     def stay(self, t_ns: int) -> None:
         """Follow a constant command that leaves the drive as it is."""
-        self._move(rest_at(self.law.holding_command_um), t_ns)
+        self.move(rest_at(self.law.holding_command_um), t_ns)
 
     def rejoin(self, t_ns: int) -> None:
         """Go on with the movement that was paused, where it would be now; without a jump."""
@@ -196,7 +196,7 @@ class StageAxis:
             self.follows_input = paused.follows_input
         else:
             elapsed_s, start_um = (t_ns - paused.started_ns) / NS_PER_S, self.law.holding_command_um
-            self._move(rejoin(paused.motion, elapsed_s, start_um, self.motion_limits), t_ns)
+            self.move(rejoin(paused.motion, elapsed_s, start_um, self.motion_limits), t_ns)
         if paused is not None:
             self.motion = paused.number  # for clients it is the same movement
 
@@ -206,19 +206,19 @@ class StageAxis:
         Args:
             t_ns: Instant of the cycle, in ns.
         """
-        return self._way_s(t_ns) + self.config.on_target.settle_s
+        return self.way_s(t_ns) + self.config.on_target.settle_s
 
     def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> None:
         """Move to a position."""
         limits = self.motion_limits
         if speed_um_per_s is not None:
             limits = limits._replace(speed_um_per_s=speed_um_per_s)
-        start_um, start_um_per_s = self._reference_at(t_ns)
-        self._move(smooth_motion(start_um, start_um_per_s, position_um, limits), t_ns)
+        start_um, start_um_per_s = self.reference_at(t_ns)
+        self.move(smooth_motion(start_um, start_um_per_s, position_um, limits), t_ns)
 
     def lead_in(self, waveform: Waveform, t_ns: int) -> Motion:
         """Return the movement to the start of a waveform."""
-        return lead_in(waveform, *self._reference_at(t_ns), self.motion_limits)
+        return lead_in(waveform, *self.reference_at(t_ns), self.motion_limits)
 
     def follow(self, waveform: Waveform, duration_s: float, t_ns: int, start_ns: int = 0) -> None:
         """Follow a waveform.
@@ -232,13 +232,13 @@ class StageAxis:
         """
         begins_s = (start_ns - t_ns) / NS_PER_S
         before = self.lead_in(waveform, t_ns)
-        self._move(waveform_motion(waveform, duration_s, before, begins_s), t_ns)
+        self.move(waveform_motion(waveform, duration_s, before, begins_s), t_ns)
 
     def follow_stream(self, t_ns: int) -> None:
         """Follow the setpoints of a stream."""
-        start_um, _ = self._reference_at(t_ns)
+        start_um, _ = self.reference_at(t_ns)
         stream = StreamedReference(start_um, self.motion_limits, self._period_s)
-        self._move(Motion(stream, 0.0, nan), t_ns)
+        self.move(Motion(stream, 0.0, nan), t_ns)
         self.stream, self.commanded_ns = stream, t_ns
 
     def follow_input(self, t_ns: int) -> None:
@@ -256,7 +256,8 @@ class StageAxis:
             self.stream.newest_um = sample.position_um
             self.commanded_ns = max(self.commanded_ns, sample.t_ns)
 
-    def _move(self, motion: Motion, t_ns: int) -> None:
+    def move(self, motion: Motion, t_ns: int) -> None:
+        """Start a movement."""
         self._motion, self._started_ns, self._forced = motion, t_ns, False
         self._held_v = nan
         self._arrives_ns = t_ns + s_to_ns(motion.duration_s)
@@ -265,7 +266,7 @@ class StageAxis:
         self.law.follow(motion.reference_um, t_ns)
         self.motion += 1
 
-    def _reference_at(self, t_ns: int) -> tuple[float, float]:
+    def reference_at(self, t_ns: int) -> tuple[float, float]:
         """Return position and speed of the reference, in µm and µm/s."""
         if self._forced:
             return self.law.holding_command_um, 0.0
@@ -313,9 +314,9 @@ class StageAxis:
             target_um,
             self._is_on_target,
             self.motion,
-            self._way_s(output.t_ns) if isfinite(target_um) else nan,
+            self.way_s(output.t_ns) if isfinite(target_um) else nan,
         )
 
-    def _way_s(self, t_ns: int) -> float:
+    def way_s(self, t_ns: int) -> float:
         """Return the time until the movement is at its end, in s."""
         return max(self._arrives_ns - t_ns, 0) / NS_PER_S

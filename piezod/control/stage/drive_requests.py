@@ -9,7 +9,7 @@ from piezod.config.frequencies import too_fast
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.common_start import start_ns, start_refusal
-from piezod.control.stage.named import axes_named, axis_names, without_sensor
+from piezod.control.stage.named import axes_behind, axes_named, axis_names, without_sensor
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event
 from piezod.devices.played_axis import AxisTable
@@ -20,7 +20,7 @@ from piezod.units import NS_PER_S, s_to_ns
 
 def condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
     """Condition the named axes."""
-    axes, why = axes_named(stage, request.axis)
+    axes, why = axes_behind(stage, request.axis)
     return Answer(False, why) if why else condition_axes(stage, axes, t_ns)
 
 

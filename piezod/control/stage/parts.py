@@ -1,12 +1,13 @@
 """The parts of a stage."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from piezod.config.model_file import ModelFile
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.playing import PlayRunner
+from piezod.control.stage.user_axes import UserAxes
 from piezod.control.watch.axis import AxisWatch
 
 
@@ -29,3 +30,5 @@ class StageParts(NamedTuple):
     period_ns: int  #: Period of the loop, in ns.
     rebuild: Rebuild  #: Builds an axis again with another model.
     plays: PlayRunner | None = None  #: Runs the plays of the devices; None if no device can play.
+    #: Makes the user axes from the list of the axes, which may be replaced in it; None without.
+    users: Callable[[Sequence[StageAxis]], UserAxes] | None = None

@@ -14,6 +14,7 @@ from piezod.control.in_force import OUTPUT_WAIT_S
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
+from piezod.control.stage.user_requests import run_users
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S, s_to_ns
@@ -231,10 +232,12 @@ def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
 
 def _run(stage: Stage, t_ns: int) -> None:
     """Take the command inputs; hold if a stream of setpoints has stopped."""
+    quiet_ns = max(STREAM_CYCLES * stage.period_ns, STREAM_NS)
+    if stage.users is not None:
+        run_users(stage, stage.users, t_ns, quiet_ns)
     for i, axis in enumerate(stage.axes):
         if axis.stream is None:  # only a stream follows the command input
             continue
-        quiet_ns = max(STREAM_CYCLES * stage.period_ns, STREAM_NS)
         if axis.follows_input:
             axis.take_command(stage.boundary.devices.commands()[i])
         if t_ns - axis.commanded_ns <= quiet_ns:

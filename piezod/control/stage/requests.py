@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from piezod.config.frequencies import too_fast
-from piezod.config.modes import SENSED, Mode
+from piezod.config.modes import SENSED
 from piezod.config.states import State
 from piezod.config.waveforms.waveform import Waveform
+from piezod.control.stage import user_requests
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.common_start import start_ns, start_refusal
@@ -17,9 +18,17 @@ from piezod.control.stage.drive_requests import (
     play,
     scan,
 )
-from piezod.control.stage.named import axes_named, axis_names, unknown_axis, without_sensor
+from piezod.control.stage.named import (
+    axes_behind,
+    axes_named,
+    axis_names,
+    unknown_axis,
+    without_sensor,
+)
+from piezod.control.stage.running import run_event, start_running
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event, HoldCause
+from piezod.control.stage.user_requests import movers
 from piezod.errors import PiezodError
 from piezod.messages import requests
 from piezod.telemetry.record import StageEvent
@@ -123,7 +132,7 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
 
 
 def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
-    axes, why = axes_named(stage, request.axis)
+    axes, why = axes_behind(stage, request.axis)
     if not why and request.mode in SENSED:
         why = without_sensor(stage, axes, f"mode {request.mode}")
     if not why:
@@ -132,7 +141,7 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
     if why:
         return Answer(False, why)
     if stage.state is not State.SAFE:  # in SAFE the mode is set for later
-        refusal = stage.go(_run_event(request.mode), t_ns)
+        refusal = stage.go(run_event(request.mode), t_ns)
         if refusal:
             return Answer(False, refusal)
     for i in axes:
@@ -141,6 +150,12 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
 
 
 def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
+    users, why = movers(stage, (request.axis,))
+    if why:
+        return Answer(False, why)
+    if users is not None:
+        point = {request.axis or users.names[0]: request.position_um}
+        return user_requests.path(stage, users, [point], request.speed_um_per_s, t_ns)
     axes, why = axes_named(stage, request.axis)
     if not why and len(axes) > 1:
         why = f"axis must be one of {axis_names(stage)}: a position is for one axis"
@@ -154,14 +169,31 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
             f"speed out of range (got {speed_um_per_s:g} µm/s), allowed: at most "
             f"{fastest_um_per_s:g} µm/s, speed_um_per_s of the axis"
         )
-    why = why or _start_running(stage, t_ns)
+    why = why or start_running(stage, t_ns)
     if why:
         return Answer(False, why)
     axis.go_to(position_um, request.speed_um_per_s, t_ns)
     return _started([axis], t_ns)
 
 
+def _path(stage: Stage, request: requests.Path, t_ns: int) -> Answer:
+    named = {name: None for point in request.points for name in point}
+    users, why = movers(stage, named)
+    if users is None and not why:
+        unknown = [name for name in named if name not in {axis.name for axis in stage.axes}]
+        why = "straight lines are for user axes, which `transform:` defines: use goto"
+        why = unknown_axis(stage, unknown[0]) if unknown else why
+    if users is None:
+        return Answer(False, why)
+    return user_requests.path(stage, users, request.points, request.speed_per_s, t_ns)
+
+
 def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
+    users, why = movers(stage, request.command_um)
+    if why:
+        return Answer(False, why)
+    if users is not None:
+        return user_requests.wave(stage, users, request, t_ns)
     waveforms: dict[int, Waveform] = {}
     for name, config in request.command_um.items():
         axes, why = axes_named(stage, name)
@@ -174,7 +206,7 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         lead_in_s = axis.lead_in(waveform, t_ns).duration_s
         if why := why or start_refusal(request.start_s, t_ns, lead_in_s):
             return Answer(False, why)
-    if why := _start_running(stage, t_ns):
+    if why := start_running(stage, t_ns):
         return Answer(False, why)
     for i, waveform in waveforms.items():
         stage.axes[i].follow(waveform, request.duration_s, t_ns, start_ns(request.start_s))
@@ -182,9 +214,14 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
 
 
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
+    users, why = movers(stage, request.axes)
+    if why:
+        return Answer(False, why)
+    if users is not None:
+        return user_requests.stream(stage, users, request.axes, t_ns)
     axes = {axis.name: axis for axis in stage.axes}
     unknown = [name for name in request.axes if name not in axes]
-    why = unknown_axis(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
+    why = unknown_axis(stage, unknown[0]) if unknown else start_running(stage, t_ns)
     if why:
         return Answer(False, why)
     for name in request.axes:
@@ -198,7 +235,7 @@ def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
     if not (why or commanded):
         whose = request.axis or axis_names(stage)
         why = f"there is nothing to follow: the configuration has no `command_input` for {whose}"
-    why = why or _start_running(stage, t_ns)
+    why = why or start_running(stage, t_ns)
     if why:
         return Answer(False, why)
     for i in commanded:
@@ -212,22 +249,13 @@ def _started(axes: Sequence[StageAxis], t_ns: int) -> Answer:
     return Answer(True, motion=axes[0].motion, duration_s=longest_s)
 
 
-def _start_running(stage: Stage, t_ns: int) -> str:
-    """Go from READY to RUN in the selected modes; return why not, empty if done."""
-    # One axis that needs the sensor is enough for the stricter edge.
-    sensed = [axis.mode for axis in stage.axes if axis.mode in SENSED]
-    return stage.go(_run_event(sensed[0] if sensed else Mode.FEEDFORWARD), t_ns)
-
-
-def _run_event(mode: Mode) -> Event:
-    return Event.RUN_ADAPTIVE if mode in SENSED else Event.RUN
-
-
 # ---------------------------------------------------------------------- sensor and model
 
 
 def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
-    axes, why = axes_named(stage, request.axis)
+    axes, why = axes_behind(stage, request.axis)
+    if stage.users is not None and set(axes) & set(stage.users.at):
+        axes = sorted({*axes, *stage.users.at})  # each actuator is measured by all their sensors
     why = why or without_sensor(stage, axes, "zeroing")
     if why:
         return Answer(False, why)
@@ -273,6 +301,7 @@ HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answ
     requests.Disarm: _disarm,
     requests.SelectMode: _select,
     requests.Goto: _goto,
+    requests.Path: _path,
     requests.Wave: _wave,
     requests.Stream: _stream,
     requests.Follow: _follow,

@@ -52,6 +52,7 @@ class Stage:
         output: Whether the voltages in force are known.
         zero: The zeros of the sensors.
         judge: Judges which voltages are in force.
+        users: The user axes; None if there are none.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Stage:
         self.register, self.state = register, State.BOOT
         self.output = OutputKnowledge(self.boundary.reads_back, on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
+        self.users = parts.users and parts.users(self.axes)
         self._rebuild = parts.rebuild
         self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
         self._memory_known, self._was_driven = memory_known, False

@@ -29,6 +29,7 @@ class AbsentSensor:
         *,
         driven: bool,  # noqa: ARG002 - the signature is that of `SensorWatch`
         needed: bool,  # noqa: ARG002 - likewise
+        reading_um: float | None = None,  # noqa: ARG002 - likewise
     ) -> Sequence[Detection]:
         """Return no fault. Call once per cycle, after the read."""
         self.sample = Sample(t_ns, nan, False)

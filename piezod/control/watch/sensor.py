@@ -310,6 +310,7 @@ class SensorWatch:
         *,
         driven: bool,
         needed: bool,
+        reading_um: float | None = None,
     ) -> Sequence[Detection]:
         """Return the faults of the sensor. Call once per cycle, after the read.
 
@@ -324,6 +325,8 @@ class SensorWatch:
             driven: Whether this daemon drives the stage. If not, the stage may move freely, and its
                 sensor may not be zeroed yet: S1, S3, S4 and S9 are not reported.
             needed: Whether the sample acts on the drive. If not, S13 is reported instead of S1.
+            reading_um: What the sensor itself shows, in µm, if the sample is made from several
+                sensors, which would hide that one is stuck; None if the sample is its reading.
         """
         found = self._screen.check(t_ns, sample, flags, driven=driven)
         known = self._take_drive(in_force_v, command_um)
@@ -334,9 +337,12 @@ class SensorWatch:
         self.sample = sample
         position = (sample.position_um - self._low_um) / self.width_um
         spikes = self._jumps.update(position)
-        self._still.update(position)
+        reading = position
+        if reading_um is not None:
+            reading = (reading_um - self._low_um) / self.width_um
+        self._still.update(reading)
         if driven and known:
-            motion = self._check_motion(sample, position, in_force_v, spikes, needed)
+            motion = self._check_motion(sample, position, reading, in_force_v, spikes, needed)
             if motion:
                 found = (*found, *motion)
         else:
@@ -400,7 +406,13 @@ class SensorWatch:
         return True
 
     def _check_motion(
-        self, sample: Sample, position: float, in_force_v: float, spikes: int, needed: bool
+        self,
+        sample: Sample,
+        position: float,
+        reading: float,
+        in_force_v: float,
+        spikes: int,
+        needed: bool,
     ) -> Sequence[Detection]:
         """Return the faults of a usable sample while the stage is driven."""
         if spikes:
@@ -412,7 +424,7 @@ class SensorWatch:
             self.sample = Sample(sample.t_ns, sample.position_um, spikes > SPIKE_SAMPLES)
             return (Detection(Fault.S4, axis, jump_um, allowed_um),)
         drive = (in_force_v - self._low_v) / self._width_v
-        stuck = self._stuck.update(position, drive)
+        stuck = self._stuck.update(reading, drive)
         follow, axis, width_um = self._follow, self._axis, self.width_um
         implausible = follow.update(position, drive, self._recent_v, self._jumps.noise)
         if not (stuck or implausible):

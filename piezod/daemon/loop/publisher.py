@@ -47,7 +47,7 @@ class Publisher:
         self._ring, self._events = RingWriter(shared), EventWriter(shared)
         self._learned = LearnedWriter(shared)
         self._counter = CycleCounter(shared, round(LATE_PART * shared.layout.period_ns))
-        self._axes = len(shared.layout.axes)
+        self._axes = len(shared.layout.axes) - shared.layout.users
         # The axes take turns, so that no cycle publishes the weights of more than one.
         self._learned_cycles = max(1, round(shared.layout.rate_hz / _LEARNED_HZ / self._axes))
         self._countdown, self._turn = 1, 0

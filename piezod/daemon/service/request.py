@@ -15,7 +15,7 @@ from piezod.daemon.stage.errors import BadValueError, NotNowError, StageError
 from piezod.daemon.stage.peer import AuditEntry, Peer
 from piezod.daemon.stage.running_stage import RunningStage
 from piezod.messages.endpoints import Access, Group
-from piezod.messages.requests import TABLE, Request
+from piezod.messages.requests import TABLE, Path, Request
 
 
 class OpenStream:
@@ -72,6 +72,8 @@ def commanded_axes(request: Request, all_axes: Sequence[str]) -> Sequence[str]:
         return ()
     named = getattr(request, "axes", None) or getattr(request, "command_um", None)
     axis = getattr(request, "axis", None)
+    if isinstance(request, Path):
+        named = dict.fromkeys(name for point in request.points for name in point)
     return tuple(named or ((axis,) if axis else all_axes))
 
 

@@ -187,7 +187,7 @@ async def telemetry(
     axes: Annotated[str, Query(max_length=600, description="x,y; all axes if left out")] = "",
 ) -> TelemetryAnswer:
     """Return server-sent events: minimum, maximum and last value of each interval."""
-    places = {name: place for place, name in enumerate(context.stage.axes)}
+    places = context.stage.places
     wanted = axes.split(",") if axes else list(places)
     for name in wanted:
         if name not in places:

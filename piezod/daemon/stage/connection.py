@@ -176,7 +176,10 @@ class LoopConnection:
 
     def __init__(self, config: DaemonConfig, shared: SharedMap) -> None:
         self.config, self.shared = config, shared
-        self.axes = tuple(config.axes)
+        self.axes = config.shown_axes
+        users = tuple(config.user_axes)
+        self.places = {name: self.axes.index(name) for name in (*users, *config.axes)}
+        """Place of each axis in a record, user axes first: people move those."""
         self.health = LoopHealth(shared, time.monotonic_ns())
         self.requests = LoopRequests(shared)
         self.events = EventReader(shared)
@@ -207,6 +210,10 @@ class LoopConnection:
     def latest(self) -> Record | None:
         """Return the newest record; None before the first."""
         return self._ring.latest()
+
+    def newest(self, count: int) -> Sequence[Record]:
+        """Return the newest records, at most this number, oldest first."""
+        return self._ring.last(count)
 
     @property
     def devices_opened(self) -> bool:
@@ -265,8 +272,9 @@ class LoopConnection:
         for name, position_um in setpoints_um.items():
             low_um, high_um = self.range_um(name)
             if not low_um <= position_um <= high_um:
-                what = f"axis {name}: out of range (got {position_um:.12g} µm)"
-                raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
+                unit = self.config.unit(name)
+                what = f"axis {name}: out of range (got {position_um:.12g} {unit})"
+                raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} {unit}")
         # Only when all are valid: the axes of one setpoint move together.
         now_ns = time.monotonic_ns()
         for name, position_um in setpoints_um.items():
@@ -278,6 +286,8 @@ class LoopConnection:
         Before the loop has told them, they are those of the configuration, if it has any.
         """
         learned = self.learned.read(self.axes.index(axis))
+        if user := self.config.user_axes.get(axis):
+            return user.range
         if learned is None:
             return self.config.axes[axis].command_range_um or (-inf, inf)
         return learned.low_um, learned.high_um

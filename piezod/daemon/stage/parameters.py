@@ -168,19 +168,19 @@ class LearnedParameters:
             answer = await loop.requests.ask(request)
             if answer.accepted:
                 # Only now: a refused model must not be saved with the weights of the present one.
-                loop.models[request.axis or loop.axes[0]] = request.model
+                loop.models[request.axis or next(iter(loop.config.axes))] = request.model
         return answer
 
 
 def _check_axes(stored: Mapping[str, AxisParameters], loop: LoopConnection) -> None:
-    unknown = ", ".join(stored.keys() - set(loop.axes))
+    unknown = ", ".join(stored.keys() - set(loop.config.axes))
     if unknown:
         what = f"they belong to axes that this stage does not have: {unknown}"
-        raise NotNowError(what, f"its axes are {', '.join(loop.axes)}")
+        raise NotNowError(what, f"its axes are {', '.join(loop.config.axes)}")
 
 
 def _in_use(loop: LoopConnection) -> dict[str, AxisParameters]:
-    found = {name: _axis_in_use(loop, i) for i, name in enumerate(loop.axes)}
+    found = {name: _axis_in_use(loop, i) for i, name in enumerate(loop.config.axes)}
     return {name: axis for name, axis in found.items() if axis is not None}
 
 
@@ -194,7 +194,7 @@ def _axis_in_use(loop: LoopConnection, index: int) -> AxisParameters | None:
     if learned is None:
         return None
     return AxisParameters(
-        model=_with_weights(loop.models[loop.axes[index]], learned),
+        model=_with_weights(loop.models[list(loop.config.axes)[index]], learned),
         zero_um=learned.zero_um,
         offset=learned.offset,
         scale=learned.scale,
@@ -204,7 +204,7 @@ def _axis_in_use(loop: LoopConnection, index: int) -> AxisParameters | None:
 def _kept(loop: LoopConnection, kept: Collection[str]) -> _Kept:
     axes: dict[str, AxisParameters] = {}
     lost: list[str] = []
-    for i, name in enumerate(loop.axes):
+    for i, name in enumerate(loop.config.axes):
         if name not in kept:
             what = f"axis {name}: zero and weights, because its devices or its compensator changed"
             lost.append(f"{what}; `piezod zero` again")

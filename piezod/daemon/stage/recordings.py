@@ -218,6 +218,11 @@ class StageRecordings:
             names={field: [str(each.value) for each in members] for field, members in places},
             notes={"configuration": json.dumps(accepted_config.document(loop.config)), **models},
             descriptions=descriptions(),
+            units={
+                name: axis.unit.replace("µ", "u")
+                for name, axis in loop.config.user_axes.items()
+                if axis.unit != "µm"
+            },
             bits=mask_bits(),
         )
 

@@ -14,7 +14,8 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.config.states import State
-from piezod.control.reference.motion import motion_limits, moving_s
+from piezod.config.transform import UserAxisConfig
+from piezod.control.reference.motion import MotionLimits, motion_limits, moving_s
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import drops_lines, logger
@@ -111,6 +112,11 @@ class RunningStage:
         return self.loop.axes
 
     @property
+    def places(self) -> Mapping[str, int]:
+        """Place of each axis in a record, in the order for people."""
+        return self.loop.places
+
+    @property
     def recordings_folder(self) -> Path:
         """Folder of the recordings."""
         return self._paths.recordings
@@ -159,7 +165,8 @@ class RunningStage:
     def status(self) -> Status:
         """Return the status of the newest cycle, without lease and role."""
         loop, name = self.loop, self._paths.name
-        return told.status(name, loop.config, loop.shared, loop.latest(), loop.learned)
+        newest = loop.newest(told.PATH if loop.config.user_axes else 1)
+        return told.status(name, loop.config, loop.shared, newest, loop.learned)
 
     def health(self) -> Health:
         """Return whether the loop runs cycles, with the age of its last cycle."""
@@ -208,10 +215,16 @@ class RunningStage:
     def config(self) -> Document:
         """Return the configuration in force, with the positions that may be commanded.
 
-        `longest_move_s` has for each axis how long a movement over all of them takes, in s.
+        `longest_move_s` has for each axis how long a movement over all of them takes, in s;
+        `user_axes` has the limits of the user axes, if there are any, with the keys of an axis.
         """
         loop = self.loop
         document, longest_s = accepted_config.document(loop.config), {}
+        if users := loop.config.user_axes:
+            document["user_axes"] = {name: _as_axis(user) for name, user in users.items()}
+        for name, user in users.items():
+            limits = MotionLimits(user.speed_per_s, 0.0, *user.range)
+            longest_s[name] = moving_s(user.range[1] - user.range[0], limits)
         for name, axis in document["axes"].items():
             range_um = loop.range_um(name)
             if all(map(isfinite, range_um)):
@@ -358,3 +371,13 @@ class RunningStage:
         if not self.available:
             raise UnavailableError("the loop is being exchanged or stopped", "try again soon")
         return self.loop
+
+
+def _as_axis(user: UserAxisConfig) -> Document:
+    """Return the limits of a user axis with the keys of an axis; numbers are in its unit."""
+    return {
+        "unit": user.unit,
+        "command_range_um": list(user.range),
+        "speed_um_per_s": user.speed_per_s,
+        "on_target": {"tolerance_um": user.tolerance, "settle_s": user.settle_s},
+    }

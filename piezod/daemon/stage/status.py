@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from math import isfinite
 from typing import Any, Final
 
 import piezod
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
+from piezod.coordinates.paths import distance_to_path
 from piezod.messages.answers import AxisStatus, Fault, Processor, Realtime, Status
 from piezod.messages.documents import Document
 from piezod.telemetry.layout import AXIS_FIELDS, as_shown
@@ -18,6 +20,8 @@ from piezod.telemetry.succession import succession_of
 from piezod.telemetry.words import Word
 
 STATES: Final = tuple(State)
+PATH: Final = 64
+"""Records among which the nearest point of the path is: the stage follows a little later."""
 _RECORDED: Final = {each.name for each in fields(AxisStatus)} & {each.name for each in AXIS_FIELDS}
 """Fields of the status of an axis that its record has, too."""
 _COUNTED: Final = tuple(
@@ -30,7 +34,7 @@ def status(
     stage: str,
     config: DaemonConfig,
     shared: SharedMap,
-    record: Record | None,
+    newest: Sequence[Record],
     learned: LearnedReader,
 ) -> Status:
     """Return the status of a stage.
@@ -39,12 +43,18 @@ def status(
         stage: Its name.
         config: Its configuration.
         shared: The memory shared with the loop.
-        record: The newest record; None before the first.
+        newest: The newest records, the last one last; none before the first.
         learned: What each axis has learned.
     """
-    axes = {
+    record = newest[-1] if newest else None
+    users = {
+        name: AxisStatus(unit=axis.unit, **_recorded(record["axes"][i] if record else None, config))
+        for i, (name, axis) in enumerate(config.user_axes.items(), len(config.axes))
+    }
+    axes = users | {
         name: AxisStatus(
             has_sensor=axis.sensor is not None,
+            moved_by=config.moved_by(name),
             learned_pct=_learned_pct(learned.read(i)),
             **_recorded(record["axes"][i] if record else None, config),
         )
@@ -67,9 +77,23 @@ def status(
         build=piezod.build(),
         not_realtime=tuple(step["name"] for step in obtained["steps"] if not step["ok"]),
         axes=axes,
+        contour_um=_contour_um(config, newest),
         devices=obtained["devices"],
         processor=obtained["processor"],
     )
+
+
+def _contour_um(config: DaemonConfig, newest: Sequence[Record]) -> float | None:
+    """Return how far the stage is from the path of its command; None if nobody knows."""
+    if config.transform is None or not newest:
+        return None
+    places = [config.shown_axes.index(name) for name in config.transform.contour_axes]
+    if not places:
+        return None
+    path = [[record["axes"][i]["command_um"] for i in places] for record in newest]
+    known = [point for point in path if all(map(isfinite, point))]
+    position = [newest[-1]["axes"][i]["position_um"] for i in places]
+    return as_shown("", distance_to_path(position, known)) if known else None
 
 
 def state_of(shared: SharedMap, record: Record | None) -> State:

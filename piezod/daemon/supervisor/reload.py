@@ -60,8 +60,8 @@ async def prepare(
             f"the configuration was not exchanged: {error}", "look at the log and at the disk"
         ) from error
     # Rings, recordings and leases depend on the axes.
-    old, new = run.config.axes, fresh.config.axes
-    if list(new) != list(old):
+    old, new = run.config.shown_axes, fresh.config.shown_axes
+    if new != old:
         fresh.discard()
         what = f"its axes are {', '.join(new)}, those in force are {', '.join(old)}"
         raise NotNowError(what, "axes are exchanged by a restart only")

@@ -15,12 +15,17 @@ def headline(recording: Recording, mode: str) -> str:
 
 
 def draw_displacement(
-    axes: Axes, t_s: FloatArray, position_um: FloatArray, command_um: FloatArray, title: str
+    axes: Axes,
+    t_s: FloatArray,
+    position_um: FloatArray,
+    command_um: FloatArray,
+    title: str,
+    unit: str = "µm",
 ) -> None:
-    """Draw measured displacement and command over time."""
+    """Draw measured displacement and command over time; a user axis may be in µrad."""
     draw_trace(axes, t_s, position_um, label="measured", **POSITION)
     draw_trace(axes, t_s, command_um, label="command", **COMMAND)
-    axes.set(title=title, ylabel="displacement (µm)")
+    axes.set(title=title, ylabel=f"displacement ({unit})")
     legend_above(axes)
 
 

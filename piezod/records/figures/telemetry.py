@@ -16,6 +16,7 @@ from piezod.records.figures.style import (
     DRIVE,
     ERROR,
     ERROR_LABEL,
+    POSITION,
     PURPLE,
     VERMILLION,
     house_style,
@@ -33,6 +34,7 @@ from piezod.records.recording.marks import (
     states,
 )
 from piezod.records.recording.reader import RecordedTelemetry
+from piezod.records.recording.user_axes import contour_error, plane_of, user_units
 
 COLUMNS: Final = frozenset(
     {
@@ -57,7 +59,7 @@ def telemetry_figure(telemetry: RecordedTelemetry, axis: str) -> Figure:
 
     At the left over time: the states and modes, displacement and command, the error, the drive
     voltage, and what is missing or late. At the right displacement over drive voltage, in the
-    colours of the modes.
+    colours of the modes. A user axis has its contour error and its path in place of voltages.
 
     Args:
         telemetry: The recording, with at least one record.
@@ -76,7 +78,8 @@ def telemetry_figure(telemetry: RecordedTelemetry, axis: str) -> Figure:
     _draw_states(strip, spans)
     _draw_position(position, telemetry, axis)
     _draw_error(error, telemetry, axis)
-    _draw_drive(drive, telemetry, axis)
+    moved = axis in user_units(telemetry.header)  # a user axis has no voltage
+    (_draw_contour if moved else _draw_drive)(drive, telemetry, axis)
     last = drive
     if rows:
         last = figure.add_subplot(left[4], sharex=position)
@@ -88,7 +91,7 @@ def telemetry_figure(telemetry: RecordedTelemetry, axis: str) -> Figure:
             axes.axvline(span.begin_s, color="#9A9A9A", linewidth=0.6, zorder=0)
     round_time_ticks(last)
     loop = columns[1].subgridspec(2, 1, height_ratios=(2.0, 1.0))
-    _draw_loop(figure.add_subplot(loop[0]), telemetry, axis)
+    (_draw_path if moved else _draw_loop)(figure.add_subplot(loop[0]), telemetry, axis)
     _write_errors(figure.add_subplot(loop[1]), telemetry, axis)
     return figure
 
@@ -122,7 +125,8 @@ def _draw_states(axes: Axes, spans: tuple[Span, ...]) -> None:
 def _draw_position(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     t_s, columns = telemetry.cycles["t_s"], telemetry.axes[axis]
     position_um, command_um = columns["position_um"], columns["command_um"]
-    draw_displacement(axes, t_s, position_um, command_um, "(a) Displacement")
+    unit = user_units(telemetry.header).get(axis, "µm")
+    draw_displacement(axes, t_s, position_um, command_um, "(a) Displacement", unit)
 
 
 def _draw_error(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
@@ -130,7 +134,31 @@ def _draw_error(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     error_um = columns["command_um"] - columns["position_um"]
     draw_trace(axes, telemetry.cycles["t_s"], error_um, **ERROR)
     draw_zero(axes)
-    axes.set(title="(b) Error", ylabel=ERROR_LABEL)
+    unit = user_units(telemetry.header).get(axis, "µm")
+    axes.set(title="(b) Error", ylabel=ERROR_LABEL.replace("µm", unit))
+
+
+def _draw_contour(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
+    """Draw how far the stage is from the path of its user axes."""
+    names = plane_of(telemetry.header, axis)
+    unit = user_units(telemetry.header)[axis]
+    if names:
+        draw_trace(axes, telemetry.cycles["t_s"], contour_error(telemetry, names), **ERROR)
+    axes.set(title="(c) Contour error", ylabel=f"distance ({unit})")
+
+
+def _draw_path(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
+    """Draw the path of the first two user axes of a plane."""
+    names = plane_of(telemetry.header, axis)[:2]
+    if len(names) == 2:
+        across, up = (telemetry.axes[name] for name in names)
+        draw_trace(axes, across["position_um"], up["position_um"], label="measured", **POSITION)
+        draw_trace(axes, across["command_um"], up["command_um"], label="command", **COMMAND)
+        unit = user_units(telemetry.header)[axis]
+        axes.set(xlabel=f"{names[0]} ({unit})", ylabel=f"{names[1]} ({unit})")
+        axes.set_aspect("equal", adjustable="datalim")
+        legend_above(axes)
+    axes.set_title("(e) Path")
 
 
 def _draw_drive(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
@@ -187,7 +215,8 @@ def _write_errors(axes: Axes, telemetry: RecordedTelemetry, axis: str) -> None:
     error_um = np.abs(columns["command_um"] - columns["position_um"])
     axes.set_axis_off()
     axes.set_title("(f) Error in RUN")
-    rows = [("mode", "time (s)", "rms (µm)", "worst (µm)")]
+    unit = user_units(telemetry.header).get(axis, "µm")
+    rows = [("mode", "time (s)", f"rms ({unit})", f"worst ({unit})")]
     for name, rows_of in _modes(telemetry, axis).items():
         judged = error_um[rows_of & np.isfinite(error_um)]
         if name != _NOT_RUNNING and judged.size:

@@ -129,6 +129,10 @@ class TelemetryColumns:
         group["t_s"] = self._t_s  # a hard link: all axes share the time of the cycles
         for name in _public_names(fields):
             self._columns[index, name] = self._column(group, name, fields[name])
+        if (unit := self._header.units.get(axis)) is not None:
+            for name, column in group.items():
+                if name.endswith("_um"):
+                    column.attrs["units"] = unit
         if width := self._header.weights.get(axis):
             about = _WEIGHTS.format(axis=axis)
             weights = new_data(self._entry, f"weights_{axis}", "weights", "weights_t_s", about)

@@ -30,6 +30,8 @@ class TelemetryHeader:
     descriptions: Mapping[str, str] = field(default_factory=dict)
     #: Names of the bits of a field, from the lowest, as in `{"present_lo": ("S1", "S2")}`.
     bits: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    #: Unit of the positions of user axes in another unit than µm, as in `{"rx": "urad"}`.
+    units: Mapping[str, str] = field(default_factory=dict)
     #: Number of the file, if the recording has several; all of them have one `start_ns`.
     part: int = 1
 

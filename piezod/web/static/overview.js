@@ -30,7 +30,7 @@ function card({ stage, up, since, status }) {
       el("span", { class: "badge", "data-state": state }, state),
       el("span", { class: "quiet" }, status?.title ?? (up ? "" : `away since ${clockTime(since)}`)),
       Object.entries(status?.axes ?? {}).map(([name, axis]) => el(
-        "span", { class: "numbers" }, `${name} ${microns(axis.position_um)} µm · ${axis.mode}`,
+        "span", { class: "numbers" }, `${name} ${microns(axis.position_um)} ${axis.unit ?? "µm"} · ${axis.mode}`,
       )),
       (status?.faults ?? []).map((fault) => el("span", { class: "fault-line" }, `${fault.id} ${fault.name}`)),
     ),

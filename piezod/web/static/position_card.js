@@ -72,7 +72,7 @@ export function positionCard(context, axis) {
   });
 
   const say = (position_um) => {
-    shown.textContent = `${fixed(position_um, 3)} µm`;
+    shown.textContent = `${fixed(position_um, 3)} ${axis.unit()}`;
     slider.setAttribute("aria-valuetext", position_um == null ? "no target" : shown.textContent);
   };
   const card = new CommandCard(
@@ -81,13 +81,13 @@ export function positionCard(context, axis) {
   );
   const show = () => {
     const range = axis.range_um();
-    speed.placeholder = axis.config()?.axes?.[axis.name()]?.speed_um_per_s ?? "";
-    const why = objection("goto", context);
+    speed.placeholder = axis.part()?.speed_um_per_s ?? "";
+    const why = axis.moved() || objection("goto", context);
     card.bar([submit, slider, down, up].map((control) => [control, why || (range ? "" : "the range is not known yet")]), why);
     if (!range) return;
     [slider.min, slider.max] = range;
     slider.step = niceStep((range[1] - range[0]) / 2000); // `any` has no steps for the keyboard
-    range.forEach((each, index) => (ends[index].textContent = `${fixed(each, 1)} µm`));
+    range.forEach((each, index) => (ends[index].textContent = `${fixed(each, 1)} ${axis.unit()}`));
     const { target_um = null, position_um = null } = axis.newest() ?? {};
     if (jogged != null && target_um === jogged) jogged = null; // the stage has taken it
     if (document.activeElement === slider || jogged != null) return;

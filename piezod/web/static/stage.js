@@ -39,7 +39,13 @@ class ShownAxis {
   choose = (name) => (this.#name = name);
   config = () => this.#config;
   newest = () => this.ring().newest;
-  range_um = () => this.#config?.axes?.[this.name()]?.command_range_um ?? null;
+  /** Its part of the configuration; that of a user axis has the same keys. */
+  part = () => this.#config?.axes?.[this.name()] ?? this.#config?.user_axes?.[this.name()] ?? null;
+  range_um = () => this.part()?.command_range_um ?? null;
+  #status = () => this.context.stage().status?.axes?.[this.name()];
+  unit = () => this.#status()?.unit ?? "µm";
+  /** Why it takes no commands: user axes move it; empty if it does. */
+  moved = () => (this.#status()?.moved_by ? `${this.name()} is moved by ${this.#status().moved_by}: choose one of those` : "");
 
   ring = () => {
     const name = this.name();
@@ -94,6 +100,7 @@ export function mount(element, context) {
   const show = (stage, change) => {
     element.classList.toggle("stale", !stage.up || !context.socket.connected);
     showAxes(axes, stage, axis, () => show(context.stage()));
+    showUnit(element, axis.unit());
     for (const panel of [head, banner, faults, commands, details, model, events]) panel.show(stage, change);
     if (change?.up) axis.ask().then(() => {
       for (const panel of [commands, details]) panel.show(context.stage());
@@ -121,6 +128,15 @@ export function mount(element, context) {
     forgets.forEach((forget) => forget());
     for (const part of [commands, model, events, painter]) part.close();
   };
+}
+
+/** Write the unit of the shown axis wherever the page has the unit of a position. */
+function showUnit(element, unit) {
+  const base = unit.slice(1); // m or rad, after µ or n
+  for (const each of element.querySelectorAll(".unit")) {
+    const text = each.textContent.replace(/^([µn])(?:m|rad)(?=\/|$)/, `$1${base}`);
+    if (text !== each.textContent) each.textContent = text;
+  }
 }
 
 function ringOf(rings, name) {

@@ -85,14 +85,15 @@ export function waveCard(context, axis) {
     const wave = values();
     for (const name in fields) fields[name].hidden = inputs[name].disabled = !(name in wave);
     const range = axis.range_um();
-    const why = objection("wave", context);
+    const why = axis.moved() || objection("wave", context);
     card.bar([[start, why || mistake(wave, range)]], why);
     const key = JSON.stringify([wave, range]);
     if (key === drawn) return;
     drawn = key;
     const problem = mistake(wave, range);
     facts.classList.toggle("problem", Boolean(problem));
-    facts.textContent = problem || `largest speed ${short(speed_um_per_s(wave))} µm/s · ${short(KINDS[wave.kind].turns(wave, wave.duration_s))} periods`;
+    const about = problem || `largest speed ${short(speed_um_per_s(wave))} µm/s · ${short(KINDS[wave.kind].turns(wave, wave.duration_s))} periods`;
+    facts.textContent = about.replaceAll("µm", axis.unit());
     draw(preview, wave, range, problem);
   };
   form.addEventListener("input", show);

@@ -1,0 +1,192 @@
+"""Errors of user axes on the simulated rig, in virtual time: `python -m benchmarks.user_axes`.
+
+Two axes with 3 % coupling each way, before and after `piezod identify --coupling` of a record that
+is made here; and a tip/tilt table. Errors are those of the true displacement.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from piezod.config.coupling_file import CouplingFile
+from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.modes import Mode
+from piezod.config.waveforms.shapes import Component, Multisine
+from piezod.control.assembly import assemble
+from piezod.control.watch.loop import CycleTiming
+from piezod.coordinates.matrices import times
+from piezod.devices import registry
+from piezod.devices.channels import Channels
+from piezod.devices.wiring import construct, pairs_of
+from piezod.experiment.fit.coupling import couplings_in
+from piezod.messages import requests as rq
+from piezod.records.recording.header import TelemetryHeader
+from piezod.records.recording.reader import RecordedTelemetry
+from piezod.units import NS_PER_S
+
+CONFIG = Path(__file__).parents[1] / "config"
+RATE_HZ = 1000.0
+SLOW_HZ = 0.25
+MIDDLE = {"x": 12.5, "y": 12.5}
+POINTS = (
+    {"z": 12.5},
+    {"z": 8.0},
+    {"z": 16.0},
+    {"z": 12.5, "rx": 40.0},
+    {"rx": -40.0},
+    {"rx": 0.0, "ry": 60.0},
+    {"ry": -60.0},
+    {"z": 15.0, "rx": 30.0, "ry": 30.0},
+)
+_ON_TIME = CycleTiming(0, 0, 10_000, 0, 0)
+
+
+@dataclass
+class Trace:
+    """Commands and true positions of the axes of one run, in their units; (n,) each by name."""
+
+    command: dict[str, Any]
+    true: dict[str, Any]
+    position: dict[str, Any]
+    in_force_v: dict[str, Any]
+
+    def error(self, name: str) -> Any:
+        """Return command minus true position."""
+        return self.command[name] - self.true[name]
+
+
+class VirtualRig:
+    """A stage on its rig, armed at rest."""
+
+    def __init__(self, config: DaemonConfig) -> None:
+        self.config = config
+        pairs = pairs_of(config.axes)
+        self._channels = Channels(construct(config.devices, pairs, config.seed), pairs)
+        self._channels.open()
+        self._channels.activate(0)
+        self._t_ns, self._period_ns = 0, round(NS_PER_S / config.rate_hz)
+        self._controller = assemble(config, self._channels, self._channels.capabilities())
+        self.run(0.5)
+        self.ask(rq.Zero())
+        self.run(0.5)
+        self.ask(rq.Arm())
+        self.run(0.1)
+
+    def ask(self, request: rq.Request) -> float:
+        """Send a request; return how long the movement takes, in s."""
+        answer = self._controller.execute(request, self._t_ns)
+        if not answer.accepted:
+            raise SystemExit(answer.why)
+        return answer.duration_s
+
+    def run(self, duration_s: float) -> Trace:
+        """Run for a while; return what the axes did."""
+        names = self.config.shown_axes
+        kept: list[list[list[float]]] = []
+        frame = None if self.config.transform is None else self.config.transform.frame()
+        for _ in range(round(duration_s * self.config.rate_hz)):
+            self._t_ns += self._period_ns
+            record = self._controller.cycle(self._t_ns, _ON_TIME)
+            true = list(self._channels.true_position_um(self._t_ns))
+            if frame is not None:
+                true += frame.user(times(frame.from_sensors, true))
+            each = zip(record.axes, true, strict=True)
+            kept.append([[a.command_um, um, a.position_um, a.in_force_v] for a, um in each])
+        columns = np.array(kept)
+        return Trace(*({n: columns[:, i, k] for i, n in enumerate(names)} for k in range(4)))
+
+
+def sine(low: float, high: float, phase_deg: float = 0.0) -> Multisine:
+    """Return a slow sine."""
+    part = Component(amplitude=(high - low) / 2, frequency_hz=SLOW_HZ, phase_deg=phase_deg)
+    return Multisine(kind="multisine", low=low, components=(part,))
+
+
+def swung(config: DaemonConfig, start: Mapping[str, float], **waves: Multisine) -> Trace:
+    """Return the second period of waves that begin at a point."""
+    rig = VirtualRig(config)
+    if config.transform:
+        rig.run(rig.ask(rq.Path(points=({**start},))) + 1.0)
+    lasts_s = rig.ask(rq.Wave(command_um={**waves}, duration_s=2 / SLOW_HZ))
+    return Trace(
+        *(
+            {name: each[-round(RATE_HZ / SLOW_HZ) :] for name, each in of.items()}
+            for of in vars(rig.run(lasts_s)).values()
+        )
+    )
+
+
+def coupling_of(config: DaemonConfig) -> CouplingFile:
+    """Return the coupling that `piezod identify --coupling` finds, from a record of a stage."""
+    rig = VirtualRig(config.model_copy(update={"transform": None}))
+    parts = []
+    for name in config.axes:
+        lasts_s = rig.ask(rq.Wave(command_um={name: sine(2.0, 24.0)}, duration_s=2 / SLOW_HZ))
+        parts.append(rig.run(lasts_s + 0.5))
+    columns = {
+        name: {
+            key: np.concatenate([getattr(part, of)[name] for part in parts])
+            for key, of in (("position_um", "position"), ("in_force_v", "in_force_v"))
+        }
+        for name in config.axes
+    }
+    t_s = np.arange(columns[next(iter(columns))]["position_um"].size) / RATE_HZ
+    header = TelemetryHeader("", tuple(config.axes), RATE_HZ, "", 0)
+    record = RecordedTelemetry(header, 0, np.zeros((0, 2), np.int64), {"t_s": t_s}, columns, {})
+    fitted = couplings_in(record, Path("virtual"))
+    for pair in fitted.pairs:
+        print(
+            f"identified: {pair.moving} moves {pair.resting} by {100 * pair.share:.3f} ± "
+            f"{100 * pair.uncertainty:.3f} %, later by {1e3 * pair.lag_s:.2f} ms"
+        )
+    return fitted.file("now")
+
+
+def at_rate(path: Path) -> DaemonConfig:
+    """Return an example at the rate of the benchmark."""
+    return load_daemon(path, registry).model_copy(update={"rate_hz": RATE_HZ})
+
+
+def two_axes() -> None:
+    """Print the errors of two coupled axes, and of a circle."""
+    config = at_rate(CONFIG / "coupled.yaml")
+    if (transform := config.transform) is None:
+        raise SystemExit("coupled.yaml has no transform")
+    for coupling in (None, coupling_of(config)):
+        one = transform.model_copy(update={"coupling": coupling})
+        used = config.model_copy(update={"transform": one})
+        what = "without coupling" if coupling is None else "with coupling"
+        for still, moves in (("x", "y"), ("y", "x")):
+            found = swung(used, MIDDLE, **{moves: sine(2.0, 24.0)})
+            error = np.ptp(found.error(still)) / 22.0
+            print(f"{what}: {still} at rest moves by {100 * error:.3f} % of the swing of {moves}")
+    trimmed = used.model_copy(update={"mode": Mode.TRIMMED})
+    circle = swung(trimmed, MIDDLE, x=sine(7.0, 18.0, 90.0), y=sine(7.0, 18.0))
+    off = np.abs(np.hypot(circle.true["x"] - 12.5, circle.true["y"] - 12.5) - 5.5).max()
+    each = {name: np.abs(circle.error(name)).max() for name in ("x", "y")}
+    print(
+        f"circle of 11 µm, trimmed: contour error {off:.4f} µm, "
+        f"{off / max(each.values()):.2f} of that of the worse axis "
+        f"({', '.join(f'{name} {error:.4f} µm' for name, error in each.items())})"
+    )
+
+
+def table() -> None:
+    """Print the errors of the table where it has arrived, in mode `trimmed`."""
+    config = at_rate(CONFIG / "tip-tilt.yaml").model_copy(update={"mode": Mode.TRIMMED})
+    rig, worst = VirtualRig(config), dict.fromkeys(config.user_axes, 0.0)
+    for point in POINTS:
+        rig.run(rig.ask(rq.Path(points=(point,))) + 1.0)
+        found = rig.run(0.5)
+        for name, axis in config.user_axes.items():
+            worst[name] = max(worst[name], abs(found.error(name).mean()) / np.ptp(axis.range))
+    text = ", ".join(f"{name} {100 * error:.3f} %" for name, error in worst.items())
+    print(f"table at {len(POINTS)} points: worst errors {text} of the range")
+
+
+if __name__ == "__main__":
+    two_axes()
+    table()

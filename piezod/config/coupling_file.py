@@ -1,0 +1,77 @@
+"""Coupling files: how far each actuator of a stage moves the sensors of the others."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Final, Literal, TypeAlias
+
+import yaml
+from pydantic import BeforeValidator, Field, ValidationInfo
+
+from piezod.config.fields import (
+    BrokenRule,
+    ConfigModel,
+    Context,
+    Quantity,
+    broken_rule,
+    context_of,
+)
+from piezod.config.files import existing_file
+from piezod.config.model_file import Text
+from piezod.config.quantities import Name
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import load_yaml
+from piezod.errors import ConfigError
+
+Row: TypeAlias = dict[Name, Annotated[float, Quantity(-1e6, 1e6)]]
+MOST_SHARE: Final = 0.5
+"""Actuators that move each other by more than this are no actuators of their own."""
+
+Share: TypeAlias = Annotated[float, Quantity(-MOST_SHARE, MOST_SHARE)]
+
+
+class CouplingFile(ConfigModel):
+    """How far the actuators of a stage move the sensors of the others."""
+
+    format: Literal["piezod-coupling"] = "piezod-coupling"
+    version: Literal[1] = 1
+    created_at: Text = Field(default="unknown", description="Time of the fit, ISO 8601.")
+    created_by: Text = Field(default="hand", description="Program and version that made it.")
+    source: Text = Field(default="unknown", description="Record of the fit.")
+    shares: dict[Name, dict[Name, Share]] = Field(
+        description="Axis: what its sensor shows if another axis moves by 1 µm, µm."
+    )
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        for name, row in self.shares.items():
+            if name in row:
+                yield ("shares", name, name), "is 1 by definition, leave it out"
+
+
+def load_coupling(path: Path) -> CouplingFile:
+    """Read a coupling file.
+
+    Raises:
+        ConfigError: If it is not a valid coupling file; the text lists every problem.
+    """
+    return validate(load_yaml(path), CouplingFile, Context(path.parent))
+
+
+def dump_coupling(coupling: CouplingFile) -> str:
+    """Write a coupling as the text of a coupling file; `load_coupling` gives it back."""
+    document = coupling.model_dump(mode="json")
+    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
+    return "# How far the axes of a stage move each other, for piezod.\n" + str(text)
+
+
+def _loaded(value: object, info: ValidationInfo) -> object:
+    """Return the contents of a file; a mapping is the contents already."""
+    if isinstance(value, dict | CouplingFile):
+        return value
+    try:
+        return load_coupling(existing_file(value, context_of(info)))
+    except ConfigError as error:
+        raise broken_rule(str(error.problems[0])) from error  # with file and line
+
+
+LoadedCoupling: TypeAlias = Annotated[CouplingFile, BeforeValidator(_loaded)]
+"""A coupling file, loaded when the configuration is: a copy of the configuration contains it."""

@@ -1,0 +1,62 @@
+"""Coupled axes of the simulated rig."""
+
+from typing import Any
+
+import pytest
+
+from piezod.devices.interface import Wiring
+from piezod.errors import DeviceError
+from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.options import SimulatedOptions
+
+MS = 1_000_000
+
+
+def opened(coupling: dict[str, Any], *inputs: str) -> SimulatedRig:
+    """Return an open rig of two axes."""
+    options = SimulatedOptions.model_validate({"coupling": coupling})
+    rig = SimulatedRig(options, Wiring(inputs or ("x", "y"), ("x", "y")), 1)
+    rig.open()
+    rig.activate(0)
+    return rig
+
+
+def test_an_axis_moves_the_other_one() -> None:
+    """At 3 %, y shows 3 % of the way of x, in truth and by its sensor; x shows nothing of y."""
+    rig = opened({"y": {"x": 0.03}})
+    rig.write([100.0, 0.0], MS)
+    samples = rig.read(200 * MS)
+    true_um = rig.true_position_um(200 * MS)
+    assert true_um[1] == pytest.approx(0.03 * true_um[0], abs=0.01)
+    assert samples[1].position_um == pytest.approx(true_um[1], abs=0.05)
+    rig.write([0.0, 0.0], 201 * MS)
+
+
+def test_axes_are_not_coupled_by_default() -> None:
+    """Without the option each axis moves alone."""
+    rig = opened({})
+    rig.write([100.0, 0.0], MS)
+    rig.read(200 * MS)
+    assert rig.true_position_um(200 * MS)[1] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("coupling", "inputs", "what"),
+    [
+        ({"q": {"x": 0.03}}, (), "no axis q"),
+        ({"x": {"q": 0.03}}, (), "no axis q"),
+        ({"y": {"x": 0.03}}, ("x", "y_v"), "calibrated"),
+    ],
+)
+def test_a_coupling_that_cannot_be_shown_is_refused(
+    coupling: dict[str, Any], inputs: tuple[str, ...], what: str
+) -> None:
+    """A coupling names axes of the rig, and needs calibrated sensors."""
+    with pytest.raises(DeviceError, match=what):
+        opened(coupling, *inputs)
+
+
+def test_a_coupled_rig_plays_no_tables() -> None:
+    """Its record would show each axis by itself."""
+    with pytest.raises(DeviceError, match="coupled"):
+        opened({"y": {"x": 0.03}}).player_capabilities()
