@@ -52,6 +52,11 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
             "its clock.",
         ),
         (
+            "scan",
+            "experiment.scan",
+            "Scan lines, a raster or a stack that a device plays, and store a picture.",
+        ),
+        (
             "check",
             "experiment.check",
             "Validate the configuration of a stage, an experiment, a model, response or groups "
@@ -59,7 +64,7 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
         ),
     ),
     "Recordings": (
-        ("plot", "record.plot", "Draw a recording or a model."),
+        ("plot", "record.plot", "Draw a recording, a scan, or a model."),
         ("export", "record.export", "Write a recording as CSV or Parquet."),
         ("replay", "record.replay", "Run the control law again on a recording."),
     ),

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
+from urllib.parse import urlencode
 
 from piezod.client.reader import read
 from piezod.messages.answers import Answer
@@ -25,6 +26,7 @@ class Call(Generic[ResultT]):
     body: Document | None = None  #: Document to send; None for none.
     #: Longest time to wait for the answer, in s; None for that of the row.
     answer_within_s: float | None = None
+    query: str = ""  #: Query of the path; empty for none.
 
     @property
     def method(self) -> str:
@@ -33,8 +35,8 @@ class Call(Generic[ResultT]):
 
     @property
     def path(self) -> str:
-        """Path below `/v1/`."""
-        return self.endpoint.path
+        """Path below `/v1/`, with its query."""
+        return self.endpoint.path + self.query
 
     def read(self, answer: Any) -> ResultT:
         """Return the result of an answer: a document, or a text where the row says so.
@@ -52,11 +54,13 @@ def ask(name: str, /, **fields: object) -> Call[Any]:
 
     Args:
         name: Its name in the table of commands.
-        fields: Keys of the body; None for those that are left out.
+        fields: Keys of the body, or of the query of a GET; None for those that are left out.
     """
     endpoint = ENDPOINTS[name]
-    body = {key: value for key, value in fields.items() if value is not None}
-    return Call(endpoint, body if endpoint.method == "POST" else None)
+    given = {key: value for key, value in fields.items() if value is not None}
+    if endpoint.method == "POST":
+        return Call(endpoint, given)
+    return Call(endpoint, query=f"?{urlencode(given)}" if given else "")
 
 
 def command(name: str, /, **fields: object) -> Call[Answer]:

@@ -166,6 +166,39 @@ class StageCommands:
         )
 
     @ClientMethod
+    def scan(
+        self,
+        axes: Mapping[str, Mapping[str, Sequence[float]]],
+        *,
+        interval_s: float,
+        pulses: Sequence[int] = (),
+        frame_pulse: int = 0,
+        frame_points: int = 0,
+        pause: int = 0,
+    ) -> Call[Answer]:
+        """Let the device of some axes play a scan by its own clock; `scanned` returns the samples.
+
+        READY follows when it has ended. `piezod.experiment.live.scan.scan_live` makes the curves.
+
+        Args:
+            axes: Axis: its curves `lead_in_v`, `line_v`, `offset_v`, `scale` and `blend`, in V.
+            interval_s: Time between two points, in s.
+            pulses: Bits of the lines of pulses that are high at each point of a sweep.
+            frame_pulse: Bits that pulse once, at the first point.
+            frame_points: Points for which they are high.
+            pause: Point of a sweep at which the fast axis stands still.
+        """
+        return command(
+            "scan",
+            axes=axes,
+            interval_s=interval_s,
+            pulses=tuple(pulses),
+            frame_pulse=frame_pulse,
+            frame_points=frame_points,
+            pause=pause,
+        )
+
+    @ClientMethod
     def adopt(
         self, model: "ModelFile", *, axis: str | None = None, zero_um: float | None = None
     ) -> Call[Answer]:

@@ -35,6 +35,16 @@ class StageReports:
     played = PlainMethod(
         Document, "Return the record of the last play: the voltages as played, and the positions."
     )
+
+    @ClientMethod
+    def scanned(self, first: int = 0) -> Call[Document]:
+        """Return the last scan: its state, and the samples of some sweeps.
+
+        Args:
+            first: Index of the first of these sweeps.
+        """
+        return ask("scanned", first=first)
+
     audit = PlainMethod(Audit, "Return who requested what, newest first.")
     reload = PlainMethod(
         Reloaded,

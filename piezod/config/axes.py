@@ -13,7 +13,7 @@ from pydantic import (
     model_validator,
 )
 
-from piezod.config.channels import Input, InputConfig, Output, OutputConfig
+from piezod.config.channels import Input, InputConfig, Output, OutputConfig, SensorInput
 from piezod.config.fields import (
     BrokenRule,
     ConfigModel,
@@ -143,7 +143,7 @@ class AxisConfig(ConfigModel):
     amplifier: Output = Field(
         description="Amplifier: name of a device, or a channel of it with its calibration."
     )
-    sensor: Input | None = Field(
+    sensor: SensorInput | None = Field(
         default=None,
         description="Sensor: name of a device, or a channel of it with its calibration; default: "
         "the axis has none, and only the modes uncompensated and feedforward.",

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
-from piezod.config.channels import InputConfig, OutputConfig
+from piezod.config.channels import InputConfig, OutputConfig, SensorConfig
 from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.messages import show, suggest
@@ -80,6 +80,10 @@ def _broken_channel(
     if light is not None and light.channel not in has.inputs:
         what = _no_such("input", light.channel, channel, has.inputs)
         yield (*path, "light", "channel"), what
+    beside = channel.beside if isinstance(channel, SensorConfig) else ()
+    for index, other in enumerate(beside):
+        if other not in has.inputs:
+            yield (*path, "beside", index), _no_such("input", other, channel, has.inputs)
 
 
 def _no_such(

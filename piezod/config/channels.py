@@ -179,6 +179,16 @@ class InputConfig(_Channel):
     )
 
 
+class SensorConfig(InputConfig):
+    """The channel that measures an axis."""
+
+    beside: tuple[ChannelName, ...] = Field(
+        default=(),
+        max_length=8,
+        description="Inputs of the same device that a scan records beside, as those of a detector.",
+    )
+
+
 def _named(value: Any) -> Any:
     # Before the validation: `sensor: stage` is the short form of `sensor: {device: stage}`.
     return {"device": value} if isinstance(value, str) else value
@@ -186,6 +196,9 @@ def _named(value: Any) -> Any:
 
 Output: TypeAlias = Annotated[OutputConfig, BeforeValidator(_named)]
 """A device's name alone means its channel with the name of the axis, not calibrated."""
+
+SensorInput: TypeAlias = Annotated[SensorConfig, BeforeValidator(_named)]
+"""Short form as for `Output`."""
 
 Input: TypeAlias = Annotated[InputConfig, BeforeValidator(_named)]
 """Short form as for `Output`."""

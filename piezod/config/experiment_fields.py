@@ -21,6 +21,7 @@ from piezod.config.quantities import (
     RateHz,
     Seed,
 )
+from piezod.config.scan import ScanConfig
 from piezod.config.waveforms.combined import WaveformConfig
 from piezod.config.waveforms.waveform import Timed
 
@@ -126,4 +127,7 @@ class ExperimentFields(ConfigModel):
     )
     play: PlayConfig | None = Field(
         default=None, description="Waveforms that a device plays from a table, in place of cases."
+    )
+    scan: ScanConfig | None = Field(
+        default=None, description="A scan that a device plays from a table, in place of cases."
     )

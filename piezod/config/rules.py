@@ -18,6 +18,7 @@ from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.frequencies import too_fast
 from piezod.config.messages import show, suggest
 from piezod.config.model_file import SURFACE_COEFFICIENTS
+from piezod.config.scan import broken_scan
 from piezod.config.waveforms.combined import WaveformConfig
 
 MIN_JUDGED_SAMPLES: Final = 10
@@ -61,8 +62,13 @@ def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Itera
 
 
 def _play(experiment: ExperimentFields) -> Iterator[BrokenRule]:
-    if bool(experiment.cases) == (experiment.play is not None):
-        yield ("cases",), "an experiment has at least one case, or `play` with waveforms, not both"
+    kinds = bool(experiment.cases), experiment.play is not None, experiment.scan is not None
+    if sum(kinds) != 1:
+        what = "an experiment has at least one case, or `play` with waveforms, or a `scan`"
+        yield ("cases",), f"{what}: one of them"
+    if experiment.scan is not None:
+        for place, what in broken_scan(experiment.scan, experiment.axes):
+            yield ("scan", *place), what
     if experiment.play is None:
         return
     for name, axis in experiment.axes.items():

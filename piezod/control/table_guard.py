@@ -12,6 +12,7 @@ import numpy.typing as npt
 from piezod.control.guard import Limits
 from piezod.devices.played_axis import AxisTable
 from piezod.devices.player import AtEnd
+from piezod.devices.scan_table import ScanTable
 from piezod.errors import DataError
 from piezod.units import NS_PER_S
 
@@ -19,6 +20,10 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 _ROUNDING = 1e-9
 """Share of the slew limit by which rounding may exceed it."""
+
+
+class TableRefusedError(DataError):
+    """Raised for a table that is not safe."""
 
 
 class TableGuard:
@@ -47,12 +52,12 @@ class TableGuard:
             in_force_v: Voltage in force, read back if the device can do that, in V.
 
         Raises:
-            DataError: If it is not safe; the text names the point, its value, the limit, and the
-                remedy.
+            TableRefusedError: If it is not safe; the text names the point, its value, the limit,
+                and the remedy.
         """
         problem = next(self._problems(table, in_force_v), "")
         if problem:
-            raise DataError(f"the table is refused: {problem}")
+            raise TableRefusedError(f"the table is refused: {problem}")
 
     def _problems(self, table: AxisTable, in_force_v: float) -> Iterator[str]:
         """Yield problems; each check relies on those before it."""
@@ -127,3 +132,29 @@ class TableGuard:
 
 def _point(k: int, lead_in: int) -> str:
     return f"point {k} of the lead-in" if k < lead_in else f"point {k - lead_in} of the period"
+
+
+def scan_problem(table: ScanTable, place: int, limits: Limits) -> str:
+    """Return what is not safe of an axis of a scan; empty if nothing is. Real-time safe.
+
+    Every voltage and every step is within bounds that the curves of the table have; its blocks are
+    checked point by point before they are loaded.
+
+    Args:
+        table: The table.
+        place: Column of the axis.
+        limits: Limits of its drive.
+    """
+    low_v, high_v = table.bounds_v()[:, place]
+    if not (low_v >= limits.drive_min_v and high_v <= limits.drive_max_v):  # NaN is outside
+        return (
+            f"it goes from {low_v:g} to {high_v:g} V, allowed range {limits.drive_min_v:g} to "
+            f"{limits.drive_max_v:g} V; reduce the command"
+        )
+    fastest = table.largest_step_v(place) * NS_PER_S / table.interval_ns
+    if not fastest <= limits.slew_v_per_s * (1.0 + _ROUNDING):
+        return (
+            f"the voltage changes by up to {fastest:.4g} V/s, allowed: at most "
+            f"{limits.slew_v_per_s:g} V/s; scan more slowly"
+        )
+    return ""

@@ -20,6 +20,8 @@ from piezod.own_folder import make_folder
 LONGEST_SOCKET_PATH: Final = 107
 IDENTITIES: Final = "identities.json"
 PLAYED: Final = "play.json"
+SCANNED: Final = "scan.json"
+SCANNED_ROWS: Final = "scan.rows"
 
 
 class StagePaths(NamedTuple):
@@ -71,6 +73,11 @@ class StagePaths(NamedTuple):
     def played(self) -> Path:
         """The record of the last play."""
         return self.runtime / PLAYED
+
+    @property
+    def scanned(self) -> tuple[Path, Path]:
+        """The state of the last scan, and its samples."""
+        return self.runtime / SCANNED, self.runtime / SCANNED_ROWS
 
     @property
     def running(self) -> Path:

@@ -91,31 +91,34 @@ class PlayedAxis:
                 "that plays"
             )
         wiring = wiring_of(pair.amplifier, axes)
-        self._device = cast("PlayingDevice", device)
-        self._output = wiring.outputs.index(pair.output or axis)
-        self._place = wiring.inputs.index(pair.input or axis)
+        self.device = cast("PlayingDevice", device)
+        """The device that plays, measures and drives it."""
+        self.output = wiring.outputs.index(pair.output or axis)
+        """Index of its output among those of the device."""
+        self.place = wiring.inputs.index(pair.input or axis)
+        """Index of its input among those of the device."""
         self._to_v = CalibratedOutput(pair.to_v)
         self._to_um = CalibratedInput(wiring, pair.input or axis, pair.to_um, pair.light)
-        self.capabilities: PlayerCapabilities = self._device.player_capabilities()
+        self.capabilities: PlayerCapabilities = self.device.player_capabilities()
         """Capabilities of the device; asked here, before other threads use it, and only once."""
-        ranges = self._device.capabilities().ranges
+        ranges = self.device.capabilities().ranges
         if ranges:
-            self._to_v.set_range(*ranges[self._output])
+            self._to_v.set_range(*ranges[self.output])
 
     @property
     def player(self) -> Player:
         """The device."""
-        return self._device
+        return self.device
 
     @property
     def step_v(self) -> float:
         """Smallest step of the voltage, in V; 0 if the device does not round."""
-        step = self.capabilities.resolution[self._output]
+        step = self.capabilities.resolution[self.output]
         return abs(self._to_v.voltage(step) - self._to_v.voltage(0.0))
 
     def read_back_v(self, now_ns: int) -> float:
         """Return the voltage in force, in V; NaN if the device does not tell it."""
-        return self._to_v.voltage(self._device.read_back(now_ns)[self._output])
+        return self._to_v.voltage(self.device.read_back(now_ns)[self.output])
 
     def load(self, table: AxisTable, now_ns: int, check: Check = go_on) -> AxisTable:
         """Load a table; return it as the device will play it.
@@ -124,11 +127,11 @@ class PlayedAxis:
             DeviceError: If the device refuses it, or does not know the voltage of an output that
                 is to stay.
         """
-        others = list(self._device.read_back(now_ns))
-        others[self._output] = 0.0  # replaced by the table
+        others = list(self.device.read_back(now_ns))
+        others[self.output] = 0.0  # replaced by the table
         if not all(map(isfinite, others)):
             raise DeviceError("the device does not know the voltage of another output: write one")
-        loaded = self._device.load(
+        loaded = self.device.load(
             Table(
                 table.interval_ns,
                 self._columns(table.lead_in_v, others),
@@ -138,12 +141,12 @@ class PlayedAxis:
             check,
         )
         echoed = table._replace(
-            lead_in_v=self._voltages(loaded.lead_in), period_v=self._voltages(loaded.period)
+            lead_in_v=self.voltages_of(loaded.lead_in), period_v=self.voltages_of(loaded.period)
         )
-        self._compare(table, echoed)
+        self.compare(table, echoed)
         return echoed
 
-    def _compare(self, table: AxisTable, loaded: AxisTable) -> None:
+    def compare(self, table: AxisTable, loaded: AxisTable) -> None:
         """Refuse a table that the device would play otherwise than requested."""
         for part in ("lead_in_v", "period_v"):
             asked_v, echoed_v = getattr(table, part), getattr(loaded, part)
@@ -161,7 +164,7 @@ class PlayedAxis:
 
     def abort(self, now_ns: int) -> float:
         """Stop a play; return the voltage in force, in V, NaN if it is unknown. Never raises."""
-        return self._to_v.voltage(self._device.abort(now_ns)[self._output])
+        return self._to_v.voltage(self.device.abort(now_ns)[self.output])
 
     def recording(self, check: Check = go_on) -> AxisPlayRecord:
         """Return the record of the play that has ended.
@@ -169,24 +172,30 @@ class PlayedAxis:
         Raises:
             DeviceError: If none has ended, or the record could not be read.
         """
-        record = self._device.recording(check)
+        record = self.device.recording(check)
         true_um = np.full(len(record.positions), np.nan)
-        if isinstance(self._device, KnowsTruePlay):
-            true_um = self._device.true_recording()[:, self._place]
-        position_um = self._displacements(record.positions)
+        if isinstance(self.device, KnowsTruePlay):
+            true_um = self.device.true_recording()[:, self.place]
+        position_um = self.displacements_of(record.positions)
         return AxisPlayRecord(record.interval_ns, position_um, true_um, record.first_point)
 
     def _columns(self, drive_v: FloatArray, others: Sequence[float]) -> FloatArray:
         columns = np.tile(np.array(others, dtype=np.float64), (drive_v.size, 1))
-        values = map(self._to_v.value, drive_v.tolist())
-        columns[:, self._output] = np.fromiter(values, np.float64, drive_v.size)
+        columns[:, self.output] = self.values_of(drive_v)
         return columns
 
-    def _voltages(self, columns: FloatArray) -> FloatArray:
-        values = map(self._to_v.voltage, columns[:, self._output].tolist())
+    def values_of(self, drive_v: FloatArray) -> FloatArray:
+        """Return the values of its output for voltages, shape (n,)."""
+        values = map(self._to_v.value, drive_v.tolist())
+        return np.fromiter(values, np.float64, drive_v.size)
+
+    def voltages_of(self, columns: FloatArray) -> FloatArray:
+        """Return its voltages in the columns of a table, shape (n,), in V."""
+        values = map(self._to_v.voltage, columns[:, self.output].tolist())
         return np.fromiter(values, np.float64, len(columns))
 
-    def _displacements(self, positions: FloatArray) -> FloatArray:
+    def displacements_of(self, positions: FloatArray) -> FloatArray:
+        """Return its displacements in a record, shape (k,), in µm; NaN if they are not valid."""
         if self._to_um.plain_place is not None:
             return positions[:, self._to_um.plain_place].copy()
         displacements = np.full(len(positions), np.nan)

@@ -31,6 +31,7 @@ if typing.TYPE_CHECKING:  # `piezod safe` stops a play without numpy
     import numpy.typing as npt
 
     FloatArray: TypeAlias = npt.NDArray[np.float64]
+    Mask: TypeAlias = npt.NDArray[np.uint8]
 
 Check: TypeAlias = Callable[[], None]
 """Called between two exchanges with a device; raises `PlayCancelledError` to end there."""
@@ -86,6 +87,9 @@ class Table(NamedTuple):
     lead_in: FloatArray  #: (m, outputs) values that are played once, before the period; m may be 0.
     period: FloatArray  #: (n, outputs) values of one period, in the unit of each output.
     cycles: int  #: Number of periods, at least 1.
+    #: (n,) digital outputs at the points of the period, a bit for each line, the lowest for line 1;
+    #: they are low in the lead-in and at the end. None leaves them alone.
+    pulses: Mask | None = None
 
     @property
     def duration_ns(self) -> int:
@@ -186,6 +190,15 @@ class Player(Protocol):
             DeviceError: If none has ended, or the record could not be read.
             PlayCancelledError: If `check` has raised it. The record can be read again.
         """
+        ...
+
+
+@runtime_checkable
+class CountsPulses(Protocol):
+    """A simulated player that counts its pulses."""
+
+    def pulses_counted(self) -> tuple[int, ...]:
+        """Return the number of rising edges of each line since the device was opened."""
         ...
 
 

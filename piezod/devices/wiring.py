@@ -22,6 +22,7 @@ class ChannelPair(NamedTuple):
     to_v: Calibration = LineCalibration()  #: Calibration of the output.
     light: LightConfig | None = None  #: Channel of the input's light; None if there is none.
     command: InputConfig | None = None  #: Input that commands the axis; None if there is none.
+    beside: tuple[str, ...] = ()  #: Inputs of the sensor's device that a scan records beside.
 
     def inputs_of(self, device: str, axis: str) -> Iterator[str]:
         """Yield the inputs of a device that the axis of this name uses."""
@@ -29,6 +30,7 @@ class ChannelPair(NamedTuple):
             yield self.input or axis
             if self.light is not None:
                 yield self.light.channel
+            yield from self.beside
         if self.command is not None and self.command.device == device:
             yield self.command.channel or axis
             if self.command.light is not None:
@@ -52,7 +54,11 @@ def _pair_of(axis: AxisConfig) -> ChannelPair:
     if sensor is None:
         return driven
     return driven._replace(
-        sensor=sensor.device, input=sensor.channel, to_um=sensor.calibration, light=sensor.light
+        sensor=sensor.device,
+        input=sensor.channel,
+        to_um=sensor.calibration,
+        light=sensor.light,
+        beside=sensor.beside,
     )
 
 

@@ -115,6 +115,8 @@ def _describe_experiment(path: Path) -> _Description:
     if config.play is not None:
         waves = _count(len(config.play.waves), "waveform")
         return _Description(f"an experiment: {waves} played on {axes}")
+    if config.scan is not None:
+        return _Description(f"an experiment: a {config.scan.kind} scanned on {axes}")
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
     contents = f"an experiment: {cases} in {modes} on {axes}"
     return _Description(

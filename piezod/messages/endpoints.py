@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 SMALL_BODY: Final = 1024
 LARGE_BODY: Final = 256 * 1024
 """For points of a waveform and for models."""
+CURVES_BODY: Final = 1024 * 1024
+"""For the curves of a scan; in the mailbox they take a quarter of it."""
 _ANSWERS: Final = ("answers", "stores", "telemetry")
 """Modules of the classes of answers."""
 ANSWER_WITHIN_S: Final = 10.0
@@ -52,6 +54,7 @@ WITH_LEASE_BY_POINTS: Final = Access(Role.OPERATOR, lease=True, most_bytes=LARGE
 KEEP: Final = Access(Role.OPERATOR)
 CHANGE: Final = Access(Role.ENGINEER, lease=True)
 CHANGE_BY_POINTS: Final = Access(Role.ENGINEER, lease=True, most_bytes=LARGE_BODY)
+CHANGE_BY_CURVES: Final = Access(Role.ENGINEER, lease=True, most_bytes=CURVES_BODY)
 END: Final = Access(Role.ENGINEER)
 
 
@@ -166,6 +169,12 @@ _ROWS: Final = (
         "Return the real-time settings that the loop requested and obtained.",
     ),
     _get("played", "dict", "Return the record of the last play.", path="play"),
+    _get(
+        "scanned",
+        "dict",
+        "Return the last scan: its state, and the samples of some sweeps from `first` on.",
+        path="scan",
+    ),
     _get(
         "config",
         "dict",

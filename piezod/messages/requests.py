@@ -6,18 +6,27 @@ one axis; if it is None, the request is for the only axis, or for all axes if th
 several.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from inspect import cleandoc
 from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from piezod.config.fields import ConfigModel, Quantity
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
-from piezod.config.quantities import DriveV, DurationS, ModeName, Name, PositionUm, StartS
+from piezod.config.quantities import (
+    DriveV,
+    DurationS,
+    Fraction,
+    ModeName,
+    Name,
+    PositionUm,
+    StartS,
+)
 from piezod.config.waveforms.combined import WaveformConfig
 from piezod.messages.endpoints import (
     CHANGE,
+    CHANGE_BY_CURVES,
     CHANGE_BY_POINTS,
     EMERGENCY,
     END,
@@ -33,6 +42,9 @@ from piezod.messages.endpoints import (
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
 Point: TypeAlias = Annotated[dict[Name, PositionUm], Field(min_length=1, max_length=16)]
 AxisName: TypeAlias = Name | None
+ScanV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=40_000)]
+Scale: TypeAlias = Annotated[float, Quantity(0.1, 10)]
+PulseBits: TypeAlias = Annotated[int, Quantity(0, 255)]
 TableV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=16_000)]
 
 
@@ -223,6 +235,70 @@ class Play(ConfigModel):
     start_s: StartS = None
 
 
+class ScanCurve(ConfigModel):
+    """Voltages of an axis in a scan: offset + scale · line, blended to the next sweep's."""
+
+    lead_in_v: ScanV = Field(description="Voltages before the first sweep, V.")
+    line_v: ScanV = Field(
+        min_length=2, description="Shape of one or several sweeps, which repeat, V."
+    )
+    offset_v: Annotated[tuple[DriveV, ...], Field(max_length=20_000)] = Field(
+        min_length=1, description="Offset of each sweep, V."
+    )
+    scale: Annotated[tuple[Scale, ...], Field(max_length=20_000)] = Field(
+        min_length=1, description="Size of the line in each sweep."
+    )
+    blend: Annotated[tuple[Fraction, ...], Field(max_length=20_000)] = Field(
+        min_length=2, description="Share of the next sweep's offset and scale at each point."
+    )
+
+
+class Scan(ConfigModel):
+    """Let the device of some axes play a scan by its own clock, and record all axes.
+
+    The axes ramp to their first voltages, and to the rest voltage afterwards. A scan that does not
+    fit into the device is played in parts, between which the axes hold. Meanwhile they follow no
+    command, and the loop measures nothing. `GET /v1/scan` returns the samples.
+    """
+
+    kind: Literal["scan"] = "scan"
+    axes: Annotated[dict[Name, ScanCurve], Field(min_length=1, max_length=8)] = Field(
+        description="Axis: its voltages."
+    )
+    interval_s: Annotated[float, Quantity(1e-6, 1, "s")] = Field(
+        description="Time between two points, s."
+    )
+    pulses: Annotated[tuple[PulseBits, ...], Field(max_length=20_000)] = Field(
+        default=(), description="Bits of the lines of pulses that are high at each point."
+    )
+    frame_pulse: PulseBits = Field(default=0, description="Bits that pulse at the first point.")
+    frame_points: Annotated[int, Quantity(0, 20_000)] = Field(
+        default=0, description="Points for which they are high."
+    )
+    pause: Annotated[int, Quantity(0, 20_000)] = Field(
+        default=0,
+        description="Point of a sweep at which the fast axis stands still: parts end there.",
+    )
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        first = next(iter(self.axes.values()))
+        for name, curve in self.axes.items():
+            for key in ("lead_in_v", "line_v", "offset_v", "scale", "blend"):
+                n, wanted = len(getattr(curve, key)), len(getattr(first, key))
+                wanted = len(curve.offset_v) if key == "scale" else wanted
+                if n != wanted:
+                    yield ("axes", name, key), f"has {n} numbers, {wanted} are needed"
+        points = len(first.blend)
+        if len(first.line_v) % points:
+            what = f"has {len(first.line_v)} numbers, a multiple of {points} is needed"
+            yield ("axes", next(iter(self.axes)), "line_v"), what
+        if self.pulses and len(self.pulses) != points:
+            yield ("pulses",), f"has {len(self.pulses)} numbers, {points} are needed"
+        for key in ("frame_points", "pause"):
+            if (value := getattr(self, key)) > points:
+                yield (key,), f"above the {points} points of a sweep (got {value})"
+
+
 class AdoptModel(ConfigModel):
     """Use another model from now on; only while disarmed."""
 
@@ -256,6 +332,7 @@ Request: TypeAlias = Annotated[
     | Zero
     | Identify
     | Play
+    | Scan
     | AdoptModel
     | Shutdown,
     Field(discriminator="kind"),
@@ -305,6 +382,7 @@ _ROWS: Final = (
     _row(Reset, WITH_LEASE, Group.STOP),
     _row(Identify, CHANGE_BY_POINTS),
     _row(Play, CHANGE_BY_POINTS),
+    _row(Scan, CHANGE_BY_CURVES),
     _row(AdoptModel, CHANGE_BY_POINTS, path="model"),
     _row(Shutdown, END),
 )

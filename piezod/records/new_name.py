@@ -1,5 +1,6 @@
 """Names for what was measured: it cannot be computed again, so it replaces nothing."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -60,3 +61,12 @@ def _first_free(wanted: Path, ending: str, make: Callable[[Path], object]) -> Pa
             path = wanted.with_name(f"{wanted.name.removesuffix(ending)}-{number}{ending}")
         else:
             return path
+
+
+def free_name(wanted: Path) -> Path:
+    """Return a path that nothing has: `wanted`, or with a number before its ending."""
+    path, number = wanted, 1
+    while os.path.lexists(path):
+        number += 1
+        path = wanted.with_name(f"{wanted.stem}-{number}{wanted.suffix}")
+    return path

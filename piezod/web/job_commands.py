@@ -89,6 +89,15 @@ class LearnJob(PageMessage):
     record_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
 
 
+class ScanJob(PageMessage):
+    """Scan lines, a raster or a stack that a device plays, and store the picture."""
+
+    do: Literal["scan"]
+    stage: str
+    axis: Annotated[str, Field(max_length=100, pattern=r"^[^-]")]
+    scan: dict[str, Any]
+
+
 class ReplayJob(PageMessage):
     """Run the control law again on a recording, with the present model of its axis."""
 
@@ -105,7 +114,7 @@ class LookAtJob(PageMessage):
     stage: str
 
 
-JobMessage: TypeAlias = IdentifyJob | ImportJob | LearnJob | ReplayJob
+JobMessage: TypeAlias = IdentifyJob | ImportJob | LearnJob | ScanJob | ReplayJob
 
 
 def of_file(wanted: JobMessage) -> FileChoices | None:
@@ -130,6 +139,8 @@ def command_of(
             return partial(identify_command, wanted)
         case LearnJob():
             return partial(learn_command, wanted)
+        case ScanJob():
+            return partial(scan_command, wanted)
         case ReplayJob():
             return partial(replay_command, wanted, model)
         case ImportJob():
@@ -178,6 +189,17 @@ def learn_command(wanted: LearnJob, folder: Path) -> list[str]:
     ]  # fmt: skip
 
 
+def scan_command(wanted: ScanJob, folder: Path) -> list[str]:
+    """Return the arguments of `piezod`; write the file of the scan.
+
+    The picture goes to a folder that lasts; a number is added to its name.
+    """
+    file, scans = folder / "scan.yaml", kept_folder("scans", wanted.stage)
+    file.write_text(json.dumps({"scan": wanted.scan}))
+    make_folder(scans)
+    return ["scan", str(file), "--live", "--out", str(scans / "scan.nxs")]
+
+
 def replay_command(wanted: ReplayJob, model: Document | None, folder: Path) -> list[str]:
     """Return the arguments of `piezod`; write the file of the model.
 
@@ -195,9 +217,14 @@ def replay_command(wanted: ReplayJob, model: Document | None, folder: Path) -> l
 
 def tables_folder(stage: str, environ: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of the tables that this user, or this service, has learned for a stage."""
+    return kept_folder("tables", stage, environ)
+
+
+def kept_folder(kind: str, stage: str, environ: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of what this user, or this service, keeps of a kind for a stage."""
     if folder := environ.get("STATE_DIRECTORY"):
-        return Path(folder) / "tables" / stage
-    return user_folder("XDG_STATE_HOME", environ) / "piezod-web" / "tables" / stage
+        return Path(folder) / kind / stage
+    return user_folder("XDG_STATE_HOME", environ) / "piezod-web" / kind / stage
 
 
 def _drive(drive: ChosenDrive) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from piezod.web.job_commands import (
     LookAtJob,
     PageMessage,
     ReplayJob,
+    ScanJob,
 )
 from piezod.web.rows import RATE_HZ
 
@@ -92,6 +93,7 @@ AnyMessage: TypeAlias = (
     | IdentifyJob
     | ImportJob
     | LearnJob
+    | ScanJob
     | ReplayJob
     | LookAtJob
 )

@@ -22,6 +22,7 @@ from piezod.web.job_commands import (
     LearnJob,
     LookAtJob,
     ReplayJob,
+    ScanJob,
     of_file,
 )
 from piezod.web.rows import Decimator, Row, encoded, telemetry_event
@@ -137,7 +138,7 @@ class Tab:
                     self._start(self._calls, message.id, self._call(message))
                 case messages.ReadRecording():
                     self._start(self._calls, message.id, self._stages.read(message))
-                case IdentifyJob() | ImportJob() | LearnJob() | ReplayJob():
+                case IdentifyJob() | ImportJob() | LearnJob() | ScanJob() | ReplayJob():
                     self._start(self._calls, message.id, self._start_job(message))
                 case LookAtJob():
                     require(self._role, Role.VIEWER if message.do == "job" else Role.OPERATOR)

@@ -42,6 +42,7 @@ def test_help_lists_verbs_under_headings(piezod: Command) -> None:
         "export-code",
         "response",
         "play",
+        "scan",
         "check",
     ]
     assert found["Recordings"] == ["plot", "export", "replay"]

@@ -6,7 +6,13 @@ from typing import Any, NamedTuple
 import pytest
 from pydantic import BaseModel
 
-from piezod.config.channels import InputConfig, LightConfig, LineCalibration, OutputConfig
+from piezod.config.channels import (
+    InputConfig,
+    LightConfig,
+    LineCalibration,
+    OutputConfig,
+    SensorConfig,
+)
 from piezod.config.daemon import DaemonConfig
 from piezod.config.fields import ConfigModel, Context
 from piezod.config.validate import validate
@@ -73,7 +79,7 @@ def test_a_stage_whose_channels_are_there_is_right() -> None:
     """Channels are read from the file; a name alone means the channel with the name of the axis."""
     axes = load().axes
 
-    assert axes["x"].sensor == InputConfig(device="gauge", channel="out")
+    assert axes["x"].sensor == SensorConfig(device="gauge", channel="out")
     assert axes["y"].amplifier == OutputConfig(
         device="daq", channel="DAC1", calibration=LineCalibration(gain=15.0)
     )
@@ -116,6 +122,11 @@ MISTAKES = [
         "gain: 4}}",
         "gain: 4}, light: {channel: out, nominal: 2, least: 1}}",
         "12:95: axes.y.sensor.light.channel: no such input (got 'out')",
+    ),
+    (
+        "gain: 4}}",
+        "gain: 4}, beside: [AIN1, AIN9]}",
+        "12:93: axes.y.sensor.beside[1]: no such input (got 'AIN9')",
     ),
     (
         "{kind: line, gain: 15}",

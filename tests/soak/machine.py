@@ -98,7 +98,7 @@ class Machine:
             f"{supervisor}.create_app": partial(create_app, now_s=now_s),
             f"{run}.LoopRun": partial(VirtualRun, self),
             "piezod.daemon.loop.play_thread._PlayThread": partial(SteppedPlay, self.steps),
-            "piezod.daemon.loop.play_thread.time": SimpleNamespace(sleep=self.steps.sleep),
+            "piezod.daemon.loop.device_play.time": SimpleNamespace(sleep=self.steps.sleep),
             "piezod.daemon.logging.EventRateLimit": VirtualRateLimit,
             "piezod.daemon.service.access.ThreadPoolExecutor": AtOnce,
             "piezod.daemon.safe.ramp_down.construct": lambda *_: {"rig": self.rig},

@@ -41,6 +41,16 @@ EVERY_KIND = [
     requests.Zero(axis="x"),
     requests.Identify(drive_v={"x": Setpoint(kind="setpoint", level=3.0)}, duration_s=1.0),
     requests.Play(axis="x", drive_v=(1.0, 2.5), interval_s=5e-5, cycles=3, start_s=12.5),
+    requests.Scan(
+        axes={
+            "x": requests.ScanCurve(
+                lead_in_v=(0.5,), line_v=(1.0, 2.5), offset_v=(3.0,), scale=(1.0,), blend=(0.0, 1.0)
+            )
+        },
+        interval_s=5e-5,
+        pulses=(1, 0),
+        pause=2,
+    ),
     requests.AdoptModel(axis="x", model=load_model(MODEL), zero_um=0.3),
     requests.Shutdown(),
 ]
@@ -50,6 +60,12 @@ EVERY_KIND = [
 def test_request_is_restored(request_: requests.Request) -> None:
     """A decoded request equals the encoded one, for every kind; a waveform is built by then."""
     restored = decode(encode(request_))
+    if isinstance(restored, requests.Scan):  # its curves are arrays, of single precision
+        curves = {
+            axis: requests.ScanCurve(**{key: tuple(map(float, each)) for key, each in curve})
+            for axis, curve in restored.axes.items()
+        }
+        restored = restored.model_copy(update={"axes": curves})
     built = {
         name: {axis: same(given, value[axis]) for axis, given in getattr(request_, name).items()}
         for name, value in restored

@@ -8,6 +8,7 @@ import pytest
 
 from piezod.config.fields import Context
 from piezod.config.play import WaveConfig
+from piezod.config.scan import load_scan
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 from piezod.experiment.live.drive import read_drive
@@ -17,10 +18,13 @@ from piezod.web.job_commands import (
     IdentifyJob,
     LearnJob,
     ReplayJob,
+    ScanJob,
     command_of,
     identify_command,
+    kept_folder,
     learn_command,
     replay_command,
+    scan_command,
     tables_folder,
 )
 from tests.web.browser import Tab, Web
@@ -67,6 +71,27 @@ def test_a_waveform_is_one_that_the_command_takes(
     assert tables_folder("bench").is_dir()
     assert tables_folder("bench") != tables_folder("other")
     assert arguments[arguments.index("--tables") + 1] == str(tables_folder("bench"))
+
+
+def test_a_scan_is_one_that_the_command_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its file lasts beyond the job."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    span = {"from_um": 5, "to_um": 15, "pixels": 64}
+    scan = {
+        "kind": "raster",
+        "fast": {"axis": "x", **span},
+        "slow": {"axis": "y", **span},
+        "lines_per_s": 5,
+        "pulses": {},
+    }
+    wanted = ScanJob(id=1, do="scan", stage="bench", axis="x", scan=scan)
+    arguments = scan_command(wanted, tmp_path)
+
+    assert load_scan(Path(arguments[1])).spans[1].axis == "y"
+    assert Path(arguments[-1]).parent == kept_folder("scans", "bench")
+    assert kept_folder("scans", "bench").is_dir()
 
 
 def test_a_replay_uses_the_present_model(tmp_path: Path) -> None:

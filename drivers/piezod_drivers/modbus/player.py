@@ -73,6 +73,7 @@ class LabJackPlayer:
         self._highest_v = [each.high for each in outputs]
         self._requests = StreamRequests(setup, self._outputs)
         self._table: Table | None = None
+        self._pulses = False
         self._scales: list[InputScale] = []
         self._before_v: list[float] = []
         self._record = StreamRecord(max(len(self._inputs), 1), 0)
@@ -116,6 +117,7 @@ class LabJackPlayer:
             records_with_play=True,
             lag_ns=len(self._inputs) * self._plan.address_ns,
             at_end=AtEnd.HOLDS,
+            pulse_lines=self._plan.pulse_lines if len(self._outputs) < registers.N_OUTS else 0,
         )
 
     def load(self, table: Table, check: Check) -> Table:
@@ -131,6 +133,14 @@ class LabJackPlayer:
         columns = stream_arrays.columns_of(table)
         for i, (address, values) in enumerate(zip(self._outputs, columns, strict=True)):
             self.setup.load(i, address, values, len(table.period), check)
+        words, mask = stream_arrays.words_of(table)
+        self._requests.pulse(mask)
+        if words:
+            self._require_time(table.interval_ns)
+            self.setup.make_outputs(mask)
+            out, n_looped = len(self._outputs), len(table.period)
+            self.setup.load(out, registers.DIO_STATE, words, n_looped, check, words=True)
+        self._pulses = bool(words)
         self._table = stream_arrays.quantised(table, self._highest_v, self._plan.n_steps)
         return self._table
 
@@ -143,7 +153,8 @@ class LabJackPlayer:
         table = self._require_table()
         self._scales = [self.setup.scale(address // 2) for address in self._inputs]
         self._before_v = [self.setup.number(address, "float32") for address in self._inputs]
-        outs = [registers.OUT_IN_SCAN + i for i in range(len(self._outputs))]
+        n_outs = len(self._outputs) + self._pulses
+        outs = [registers.OUT_IN_SCAN + i for i in range(n_outs)]
         n_scans = len(table.lead_in) + len(table.period) * table.cycles
         channels = [*self._inputs, *outs]
         self.setup.configure(table.interval_ns, channels, len(self._inputs), n_scans)
@@ -263,6 +274,16 @@ class LabJackPlayer:
                     "before the start: the samples have another scale"
                 )
         return ""
+
+    def _require_time(self, interval_ns: int) -> None:
+        """Refuse an interval in which the digital outputs have no time."""
+        channels = len(self._inputs) + len(self._outputs) + 1
+        least_ns = max(self._plan.shortest_ns, channels * self._plan.address_ns)
+        if interval_ns < least_ns:
+            raise DeviceError(
+                f"with pulses {channels} channels need {least_ns / 1000:g} µs for each point, the "
+                f"table has {interval_ns / 1000:g} µs: choose a longer interval"
+            )
 
     def _require_table(self) -> Table:
         if self._table is None:

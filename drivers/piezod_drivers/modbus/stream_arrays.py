@@ -12,6 +12,7 @@ import numpy.typing as npt
 from piezod.devices.player import Table
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.profiles.labjack_stream import LOST, InputScale
+from piezod_drivers.modbus.stream_setup import dio_word
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
@@ -20,6 +21,18 @@ def columns_of(table: Table) -> list[list[float]]:
     """Return the values of each output: lead-in, then period."""
     values = np.concatenate((table.lead_in, table.period))
     return [[float(value) for value in column] for column in values.T]
+
+
+def words_of(table: Table) -> tuple[list[int], int]:
+    """Return the words of the digital outputs, low in the lead-in, and the bits of the used ones.
+
+    Without pulses there are no words.
+    """
+    if table.pulses is None or not table.pulses.any():
+        return [], 0
+    mask = int(np.bitwise_or.reduce(table.pulses))
+    states = [0] * len(table.lead_in) + table.pulses.tolist()
+    return [dio_word(state, mask) for state in states], mask
 
 
 def quantised(table: Table, highest_v: Sequence[float], n_steps: int) -> Table:

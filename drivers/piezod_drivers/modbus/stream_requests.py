@@ -1,14 +1,14 @@
 """The requests to a LabJack during a play: one exchange each."""
 
 from collections.abc import Sequence
-from struct import Struct
+from struct import Struct, pack
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.codec import FEEDBACK, ModbusRequest
-from piezod_drivers.modbus.profiles.labjack_stream import ENABLE
-from piezod_drivers.modbus.stream_setup import StreamSetup
+from piezod_drivers.modbus.profiles.labjack_stream import DIO_STATE, ENABLE
+from piezod_drivers.modbus.stream_setup import StreamSetup, dio_word
 
 _PART: Final = Struct(">BHB")
 """Header of a part of a request: 0 to read or 1 to write, address, number of registers."""
@@ -24,14 +24,20 @@ class StreamRequests:
     """
 
     def __init__(self, setup: StreamSetup, outputs: Sequence[int]) -> None:
-        self._setup, n = setup, len(outputs)
+        self._setup, self._addresses, n = setup, outputs, len(outputs)
         values = b"".join(_PART.pack(0, address, 2) for address in outputs)
         poll = _PART.pack(0, ENABLE, 2) + values
-        stop = _PART.pack(1, ENABLE, 2) + bytes(4) + values
         self._poll = ModbusRequest(_ECHO + poll, _ECHO, 5 + 4 * n)
-        self._stop = ModbusRequest(_ECHO + stop, _ECHO, 1 + 4 * n)
         self._read = ModbusRequest(_ECHO + values, _ECHO, 1 + 4 * n)
+        self.pulse(0)
         self._unpack_poll, self._unpack = Struct(f">BI{n}f").unpack, Struct(f">B{n}f").unpack
+
+    def pulse(self, mask: int) -> None:
+        """Make a stop also set the digital outputs of a mask low; 0 for none."""
+        low = _PART.pack(1, DIO_STATE, 1) + pack(">H", dio_word(0, mask)) if mask else b""
+        values = b"".join(_PART.pack(0, address, 2) for address in self._addresses)
+        stop = _PART.pack(1, ENABLE, 2) + bytes(4)
+        self._stop = ModbusRequest(_ECHO + stop + low + values, _ECHO, self._read.n_bytes)
 
     def poll(self) -> tuple[bool, Sequence[float]]:
         """Return whether the stream is running, and the outputs, in V.

@@ -81,7 +81,14 @@ class StreamSetup:
                 raise
 
     def load(
-        self, out: int, target: int, values: Sequence[float], n_looped: int, check: Check
+        self,
+        out: int,
+        target: int,
+        values: Sequence[float],
+        n_looped: int,
+        check: Check,
+        *,
+        words: bool = False,
     ) -> None:
         """Give a stream-out its values, from the first one on.
 
@@ -93,6 +100,7 @@ class StreamSetup:
             values: The values, in V.
             n_looped: How many of them are repeated.
             check: Called between two exchanges.
+            words: Whether they are whole numbers of 16 bits.
 
         Raises:
             DeviceError: If the device does not hold them afterwards.
@@ -105,12 +113,19 @@ class StreamSetup:
         # Values before this are refused: error 2627.
         self.write(registers.OUT_ENABLE + step, 1)
         self.write(registers.OUT_LOOP_VALUES + step, n_looped)
+        letter, register = ("H", registers.OUT_WORDS) if words else ("f", registers.OUT_VALUES)
         for first in range(0, len(values), _PER_REQUEST):
             check()
             part = values[first : first + _PER_REQUEST]
-            self._write(registers.OUT_VALUES + step, pack(f">{len(part)}f", *part))
+            self._write(register + step, pack(f">{len(part)}{letter}", *part))
         self.write(registers.OUT_SET_LOOP + step, 1)
         self._check_loaded(step, target, len(values), n_looped)
+
+    def make_outputs(self, mask: int) -> None:
+        """Make the lines FIO0 to FIO7 with these bits outputs, and low."""
+        for register in (registers.DIO_DIRECTION, registers.DIO_STATE):
+            state = mask if register == registers.DIO_DIRECTION else 0
+            self._write(register, pack(">H", dio_word(state, mask)))
 
     def configure(
         self, interval_ns: int, channels: Sequence[int], n_inputs: int, n_scans: int
@@ -202,6 +217,11 @@ class StreamSetup:
     def _last_error(self) -> int:
         pdu = self.ask(read("holding", registers.LAST_ERROR, 1))
         return int.from_bytes(pdu[2:4], "big")
+
+
+def dio_word(state: int, mask: int) -> int:
+    """Return the word that sets the lines of a mask and leaves all others alone."""
+    return (~mask & 0xFF) << 8 | state & mask
 
 
 def _rate_hz(interval_ns: int) -> float:

@@ -39,6 +39,18 @@ def wave_of(table: Table) -> FloatArray:
     return first_points(table, n_points_of(table)) if len(table.lead_in) else table.period
 
 
+def high_points(table: Table) -> list[tuple[int, int]]:
+    """Return line and point, both from 1, of each point of the wave at which a line is high."""
+    if table.pulses is None:
+        return []
+    n_lead_in = len(table.lead_in)
+    return [
+        (line + 1, n_lead_in + int(point) + 1)
+        for line in range(8)
+        for point in np.flatnonzero(table.pulses >> line & 1)
+    ]
+
+
 def table_of(table: Table, waves: Sequence[Sequence[float]]) -> Table:
     """Return a table with the values of its waves as the controller holds them."""
     held = np.array(waves).T

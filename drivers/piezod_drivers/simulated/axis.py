@@ -16,6 +16,8 @@ SENSOR_V: Final = "_v"
 """Behind the name of an axis: the uncalibrated voltage of its sensor."""
 LIGHT: Final = "_light"
 """Behind the name of an axis: the light of its sensor, 1 at nominal."""
+PHOTONS: Final = "photons"
+"""Name of an input that is no axis: the counts of a detector over a test pattern."""
 
 
 class SimulatedAxis(NamedTuple):
@@ -41,6 +43,8 @@ class SimulatedAxis(NamedTuple):
 
 def axis_and_quantity(name: str, outputs: tuple[str, ...]) -> tuple[str, str]:
     """Return the axis of an input, and the suffix of its quantity; "" is the displacement."""
+    if name == PHOTONS and outputs:
+        return outputs[0], PHOTONS
     for quantity in (SENSOR_V, LIGHT):
         if name not in outputs and name.endswith(quantity):
             return name.removesuffix(quantity), quantity

@@ -19,6 +19,7 @@ from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.axis import (
     LIGHT,
+    PHOTONS,
     FloatArray,
     SimulatedAxis,
     axis_and_quantity,
@@ -26,6 +27,7 @@ from piezod_drivers.simulated.axis import (
 )
 from piezod_drivers.simulated.coupling import RigCoupling
 from piezod_drivers.simulated.options import SimulatedOptions
+from piezod_drivers.simulated.pattern import counts_at
 from piezod_drivers.simulated.player import TablePlayer
 
 _REST_V: Final = 0.0
@@ -42,7 +44,7 @@ class SimulatedRig:
 
     Every output is a stage of its own. An input of the same name measures it in µm. With `_v`
     behind the name the input is the uncalibrated voltage of the sensor, with `_light` its light, 1
-    at nominal.
+    at nominal. An input `photons` has the counts of a detector over a test pattern.
 
     Args:
         wiring: Names of the channels, at least one.
@@ -128,10 +130,19 @@ class SimulatedRig:
         t_ns = self._played_to(now_ns)
         for axis_model in self._channels:
             axis_model.plant.advance_to(t_ns)
-        own = [_sample(self._channels[i], quantity, now_ns) for i, quantity in self._inputs]
+        own = [
+            self._counted(now_ns)
+            if quantity == PHOTONS
+            else _sample(self._channels[i], quantity, now_ns)
+            for i, quantity in self._inputs
+        ]
         if self._coupling is None:
             return own
         return self._coupling.samples(own, [_sample(each, "", now_ns) for each in self._channels])
+
+    def _counted(self, now_ns: int) -> Sample:
+        true_um = [[axis_model.plant.true_displacement_um for axis_model in self._driven]]
+        return Sample(now_ns, float(counts_at(np.array(true_um))[0]), True)
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
         """Return the true displacement of each stage from rest at 0 V, in µm. Real-time safe.
@@ -249,6 +260,10 @@ class SimulatedRig:
         """Return the true displacements at the samples of `recording`, in µm, shape (k, inputs)."""
         self._require_active()
         return self._player.true_recording()
+
+    def pulses_counted(self) -> tuple[int, ...]:
+        """Return the number of pulses of each line since the rig was opened."""
+        return tuple(self._player.pulses.tolist())
 
     def _require_open(self) -> None:
         if not self._channels:

@@ -15,12 +15,14 @@ from piezod.devices.player import (
     Table,
 )
 from piezod.errors import DeviceError
-from piezod_drivers.simulated.axis import FloatArray, SimulatedAxis
+from piezod_drivers.simulated.axis import PHOTONS, FloatArray, SimulatedAxis
+from piezod_drivers.simulated.pattern import counts_at
 
 POINTS: Final = 2_000_000
 """Longest table of each output, and longest record of each input, in points."""
 LONGEST_INTERVAL_NS: Final = 1_000_000_000
 CYCLES: Final = 1_000_000_000
+PULSE_LINES: Final = 8
 
 
 class TablePlayer:
@@ -47,6 +49,8 @@ class TablePlayer:
         self._sub_step_ns = sub_step_ns
         self._ranges = [(axis.lowest_v, axis.highest_v) for axis in self._driven]
         self._state = PlayState.IDLE
+        self.pulses = np.zeros(PULSE_LINES, np.int64)
+        """Number of rising edges of each line."""
         self._forget()
 
     def _forget(self) -> None:
@@ -71,6 +75,7 @@ class TablePlayer:
             record_points=POINTS,
             records_with_play=True,
             at_end=AtEnd.HOLDS,
+            pulse_lines=PULSE_LINES,
         )
 
     @property
@@ -139,7 +144,9 @@ class TablePlayer:
         """Return the record of the play that has ended."""
         self._require(PlayState.ENDED, "read a record")
         positions = [
-            self._axes[place].samples(self._readings_v[:, place], quantity)
+            counts_at(self._truths_um[:, : len(self._driven)])
+            if quantity == PHOTONS
+            else self._axes[place].samples(self._readings_v[:, place], quantity)
             for place, quantity in self._inputs
         ]
         without = np.empty((len(self._readings_v), 0))
@@ -193,7 +200,20 @@ class TablePlayer:
             recorded = len(self._readings_v[kept])
             self._readings_v[kept, place] = readings_v[:recorded]
             self._truths_um[kept, place] = truths_um[:recorded]
+        self._count_pulses(first, len(rows))
         self._point += len(rows)
+
+    def _count_pulses(self, first: int, n: int) -> None:
+        """Count the rising edges of rows from a point on; rows of one cycle are consecutive."""
+        masks = self._table.pulses
+        place = first - len(self._table.lead_in)
+        if masks is None or place < 0:
+            return
+        place %= len(masks)
+        before = masks[place - 1 : place] if place else np.zeros(1, np.uint8)
+        seen = np.concatenate((before, masks[place : place + n]))
+        rising = np.unpackbits(seen[1:] & ~seen[:-1], bitorder="little")
+        self.pulses += rising.reshape(-1, PULSE_LINES).sum(axis=0, dtype=np.int64)
 
     def _require(self, state: PlayState, what: str) -> None:
         if self._state is not state:

@@ -73,6 +73,8 @@ def run(file: Path, out: Path | None, chosen: Choices, *, json: bool) -> None:
 
 def _check_play(config: ExperimentConfig, chosen: Choices) -> None:
     """Refuse options that do not fit the kind of the experiment."""
+    if config.scan is not None:
+        raise typer.BadParameter("has `scan:`, which `piezod scan` runs", param_hint="FILE")
     if config.play is not None and chosen.largest_step_pct is not None:
         message = "not with `play`: the loop does not make the steps of a table"
         raise typer.BadParameter(message, param_hint="'--largest-step-pct'")

@@ -1,6 +1,6 @@
 """The linear dynamics behind the hysteresis of an axis, as the control law uses them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import copysign, pi
 from typing import NamedTuple
 
@@ -52,6 +52,12 @@ def known_dynamics(config: AxisConfig, period_s: float) -> StageDynamics | None:
     filters_s = _slow_delay_s(resonances) - _slow_delay_s(modes)
     # A straight line up to the next voltage is half a period later than the held voltage.
     return StageDynamics(modes, config.response.delay_s + filters_s - 0.5 * period_s)
+
+
+def lowest_mode_hz(resonances: Iterable[Resonance]) -> float | None:
+    """Return the frequency of the lowest mode that rings, in Hz; None if there is none."""
+    ringing = [each.frequency_hz for each in resonances if each.damping < RINGS_BELOW]
+    return min(ringing, default=None)
 
 
 def _behind_filters(resonances: Sequence[Resonance]) -> tuple[Resonance, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 import numpy as np
+import numpy.typing as npt
 
 from piezod.config.frequencies import too_fast
 from piezod.control.reference.programs import VoltageProgram, conditioning
@@ -12,6 +13,7 @@ from piezod.control.stage.named import axes_behind, axes_named, axis_names, with
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event
 from piezod.devices.played_axis import AxisTable
+from piezod.devices.scan_table import ScanTable
 from piezod.messages import requests
 from piezod.units import NS_PER_S, s_to_ns
 
@@ -73,6 +75,47 @@ def play(stage: Stage, request: requests.Play, t_ns: int) -> Answer:
     steps = (table.first_v, table, axis.config.limits.rest_v)
     stage.drive([{axes[0]: step} for step in steps], t_ns, conditions=False)
     return Answer(True)
+
+
+def scan(stage: Stage, request: requests.Scan, t_ns: int) -> Answer:
+    """Let the device of some axes play a scan, within the limits of each axis."""
+    places = []
+    for name in request.axes:
+        axes, why = axes_named(stage, name)
+        if why:
+            return Answer(False, why)
+        places += axes
+    table, of = scan_table(request), [stage.axes[i] for i in places]
+    why = stage.play().scan_refusal(places, of, table) or stage.go(Event.IDENTIFY, t_ns)
+    if why:
+        return Answer(False, why)
+    rest_v = [axis.config.limits.rest_v for axis in of]
+    firsts = dict(zip(places, table.first_v.tolist(), strict=True))
+    steps = (firsts, dict.fromkeys(places, table), dict(zip(places, rest_v, strict=True)))
+    stage.drive(steps, t_ns, conditions=False)
+    return Answer(True)
+
+
+def scan_table(request: requests.Scan) -> ScanTable:
+    """Return the table of a request. Real-time safe."""
+    curves = tuple(request.axes.values())
+
+    def columns(name: str) -> npt.NDArray[np.float64]:
+        return np.stack([np.asarray(getattr(each, name), np.float64) for each in curves], axis=1)
+
+    return ScanTable(
+        axes=tuple(request.axes),
+        interval_ns=s_to_ns(request.interval_s),
+        lead_in_v=columns("lead_in_v"),
+        line_v=columns("line_v"),
+        offset_v=columns("offset_v"),
+        scale=columns("scale"),
+        blend=columns("blend"),
+        pulses=np.array(request.pulses, np.uint8),
+        framed=request.frame_pulse,
+        frame_points=request.frame_points,
+        pause=request.pause,
+    )
 
 
 def _start_ident(

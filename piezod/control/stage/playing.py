@@ -13,16 +13,17 @@ from piezod.config.faults import Fault
 from piezod.control.faults.detection import Detection
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import SILENT_CYCLES, DeviceBoundary, OutputKnowledge
-from piezod.control.table_guard import TableGuard
+from piezod.control.table_guard import TableGuard, scan_problem
 from piezod.devices.played_axis import AxisTable
 from piezod.devices.player import PlayerCapabilities
+from piezod.devices.scan_table import ScanTable
 from piezod.errors import DataError
 
 
 class PlayOutcome(NamedTuple):
     """The end of a play."""
 
-    drive_v: float  #: Voltage in force on the axis, in V; NaN if it is unknown.
+    drives_v: tuple[float, ...]  #: Voltage in force on each axis of it, in V; NaN if unknown.
     failed: str = ""  #: Why it failed; empty if it ended, or was aborted.
     #: Whether the voltage was commanded: the last one of the table, or before its start the first
     #: one. Otherwise the amplifier has measured it: its read-back is no second witness.
@@ -42,6 +43,14 @@ class PlayRunner(Protocol):
 
     def begin(self, axis: int, table: AxisTable) -> None:
         """Begin a play, of a table in V. The runner has the devices now."""
+        ...
+
+    def scan_refusal(self, axes: Sequence[int], table: ScanTable) -> str:
+        """Return why axes cannot play a scan; empty if they can."""
+        ...
+
+    def begin_scan(self, axes: Sequence[int], table: ScanTable) -> None:
+        """Begin a scan, of a table in V. The runner has the devices now."""
         ...
 
     def abort(self) -> None:
@@ -66,7 +75,8 @@ class StagePlay:
         self, runner: PlayRunner | None, boundary: DeviceBoundary, output: OutputKnowledge
     ) -> None:
         self._runner, self._boundary, self._output = runner, boundary, output
-        self._axis, self._silent_cycles = 0, 0
+        self._axes: tuple[int, ...] = ()
+        self._silent_cycles = 0
         self._outcome: PlayOutcome | None = None
         self._aborted = False
 
@@ -94,12 +104,37 @@ class StagePlay:
 
     def begin(self, axis: int, table: AxisTable) -> None:
         """Lend the devices and begin a play, of a table in V, which `refusal` has not refused."""
+        if self._runner is not None:
+            self._lend((axis,))
+            self._runner.begin(axis, table)
+
+    def scan_refusal(self, axes: Sequence[int], of: Sequence[StageAxis], table: ScanTable) -> str:
+        """Return why a scan cannot be played now; empty if it can.
+
+        Args:
+            axes: Indices of the axes, in the order of the table.
+            of: The axes; they will ramp to the first voltages before.
+            table: The table.
+        """
+        if self._boundary.shadow:
+            return "in shadow nothing is driven: arm the stage without it"
         if self._runner is None:
-            return
-        self._axis, self._aborted, self._silent_cycles = axis, False, 0
+            return "this stage has no device that plays tables"
+        for place, axis in enumerate(of):
+            if why := scan_problem(table, place, axis.law.limits):
+                return f"axis {axis.name}: the scan is refused: {why}"
+        return self._runner.scan_refusal(axes, table)
+
+    def begin_scan(self, axes: Sequence[int], table: ScanTable) -> None:
+        """Lend the devices and begin a scan, which `scan_refusal` has not refused."""
+        if self._runner is not None:
+            self._lend(tuple(axes))
+            self._runner.begin_scan(axes, table)
+
+    def _lend(self, axes: tuple[int, ...]) -> None:
+        self._axes, self._aborted, self._silent_cycles = axes, False, 0
         self._output.lend()
         self._boundary.lent = True
-        self._runner.begin(axis, table)
 
     def abort(self) -> None:
         """Abort the play, if there is one."""
@@ -133,7 +168,8 @@ class StagePlay:
         if outcome is None:
             return None
         left_v = [axis.law.in_force_v for axis in axes]
-        left_v[self._axis] = outcome.drive_v
+        for axis, drive_v in zip(self._axes, outcome.drives_v, strict=True):
+            left_v[axis] = drive_v
         reads_back = self._boundary.reads_back
         told_v = [
             read_v if reads else kept_v
@@ -145,11 +181,12 @@ class StagePlay:
             if may_come and self._silent_cycles < SILENT_CYCLES + self._boundary.lag_cycles:
                 return None
             self._outcome = None
-            return Detection(Fault.A1, self._axis, nan, nan)
-        if not reads_back[self._axis]:
-            axes[self._axis].track(outcome.drive_v)
-        elif not outcome.commanded:
-            left_v[self._axis] = nan
+            return Detection(Fault.A1, self._axes[0], nan, nan)
+        for axis, drive_v in zip(self._axes, outcome.drives_v, strict=True):
+            if not reads_back[axis]:
+                axes[axis].track(drive_v)
+            elif not outcome.commanded:
+                left_v[axis] = nan
         self._boundary.written_v = left_v
         self._output.know(known=True)
         self._outcome, self._boundary.returned = None, False

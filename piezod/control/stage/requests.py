@@ -11,7 +11,13 @@ from piezod.control.stage import user_requests
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.common_start import start_ns, start_refusal
-from piezod.control.stage.drive_requests import condition, condition_axes, identify, play
+from piezod.control.stage.drive_requests import (
+    condition,
+    condition_axes,
+    identify,
+    play,
+    scan,
+)
 from piezod.control.stage.named import (
     axes_behind,
     axes_named,
@@ -302,6 +308,7 @@ HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answ
     requests.Condition: condition,
     requests.Identify: identify,
     requests.Play: play,
+    requests.Scan: scan,
     requests.Zero: _zero,
     requests.AdoptModel: _adopt,
     requests.Hold: _hold,

@@ -6,10 +6,11 @@ from piezod.control.reference.programs import VoltageProgram
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.playing import StagePlay
 from piezod.devices.played_axis import AxisTable
+from piezod.devices.scan_table import ScanTable
 
-DriveStep = Mapping[int, VoltageProgram | AxisTable | float]
+DriveStep = Mapping[int, VoltageProgram | AxisTable | ScanTable | float]
 """One step: for each axis, by index, a voltage over time, a table in V that the device plays, or a
-voltage to ramp to. A step with a table has no other entry."""
+voltage to ramp to. A step with a table has no other entry, one of a scan the same for all axes."""
 
 
 class DriveSequence:
@@ -63,6 +64,11 @@ class DriveSequence:
                 case AxisTable() as table:
                     axis.hold()
                     self._play.begin(i, table)
+                case ScanTable():
+                    axis.hold()
                 case voltage:
                     axis.ramp_to(voltage)
+        first = next(iter(step.values()), None)
+        if isinstance(first, ScanTable):
+            self._play.begin_scan(tuple(step), first)
         return True

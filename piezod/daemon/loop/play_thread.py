@@ -5,37 +5,31 @@ asks whether the play has ended. The record goes to a file that the supervisor s
 """
 
 import json
-import threading
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from math import isfinite, nan
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from piezod.config.daemon import DaemonConfig
 from piezod.control.guard import Limits
 from piezod.control.law.compensated import limits_of
 from piezod.control.stage.playing import PlayOutcome
 from piezod.daemon.clock import Clock
+from piezod.daemon.loop.device_play import POLL_S, DevicePlay, PlayError
 from piezod.daemon.loop.placement import Placement
+from piezod.daemon.loop.scan_thread import ScanJob, ScanStore, ScanThread
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
 from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
-from piezod.devices.player import AtEnd, PlayerCapabilities, PlayState
-from piezod.devices.wiring import pairs_of
-from piezod.errors import DeviceError, PiezodError, PlayCancelledError
+from piezod.devices.played_scan import PlayedScan
+from piezod.devices.player import AtEnd, PlayerCapabilities
+from piezod.devices.scan_table import ScanTable
+from piezod.devices.wiring import ChannelPair, pairs_of
+from piezod.errors import DeviceError
 from piezod.records.atomic import replacing
 from piezod.units import NS_PER_S
-
-POLL_S: Final = 0.01
-"""Period with which the progress is looked at, and so the longest delay of an abort, in s."""
-GRACE_NS: Final = 2 * NS_PER_S
-"""A play has failed if it takes this much longer than its table, in ns."""
-IDLE_WITHIN_S: Final = 2.0
-"""A play fails if another thread uses its device for this long, in s: the device is lost then, or
-does not answer."""
 
 
 class AxisPlayer(NamedTuple):
@@ -45,6 +39,7 @@ class AxisPlayer(NamedTuple):
     identity: Identity  #: Identity of that device.
     limits: Limits  #: Limits of the drive.
     period_ns: int  #: Period of the loop, in ns.
+    rest_v: float = 0.0  #: Voltage at rest, in V.
 
     @property
     def near_v(self) -> float:
@@ -62,6 +57,7 @@ class PlayThreads:
         zero_um: Returns the displacement that counts as zero on an axis, in µm.
         clock: The clock of the loop.
         file: Where the record of the last play goes.
+        scans: Returns the axes of a scan that play together, by their names.
     """
 
     def __init__(
@@ -72,12 +68,13 @@ class PlayThreads:
         zero_um: Callable[[int], float],
         clock: Clock,
         file: Path,
+        scans: Callable[[Sequence[str]], PlayedScan],
     ) -> None:
         self._players, self._refusals = players, refusals
         self._idle, self._zero_um = idle, zero_um
-        self._clock, self._file = clock, file
+        self._clock, self._file, self._scans = clock, file, scans
         self._number = 0
-        self._thread: _PlayThread | None = None
+        self._thread: DevicePlay | None = None
 
     def refusal(self, axis: int) -> str:
         """Return why an axis cannot play; empty if it can. Real-time safe."""
@@ -92,6 +89,31 @@ class PlayThreads:
         self._number += 1
         job = _PlayJob(self._players[axis], table, self._number, self._zero_um(axis))
         self._thread = _PlayThread(job, self._idle, self._clock, self._file)
+        self._thread.start()
+
+    def scan_refusal(self, axes: Sequence[int], table: ScanTable) -> str:
+        """Return why axes cannot play a scan; empty if they can. Real-time safe."""
+        for axis in axes:
+            if why := self.refusal(axis):
+                return why
+        try:
+            return self._scans(table.axes).misfit(table)
+        except DeviceError as error:
+            return str(error)
+
+    def begin_scan(self, axes: Sequence[int], table: ScanTable) -> None:
+        """Begin a scan, of a table in V. Starts a thread."""
+        self._number += 1
+        players = [self._players[axis] for axis in axes]
+        job = ScanJob(
+            self._scans(table.axes),
+            table,
+            [(each.limits, each.rest_v) for each in players],
+            [each.near_v for each in players],
+            [self._zero_um(axis) for axis in axes],
+        )
+        store = ScanStore(self._file.parent, self._number, table, job.scan.beside)
+        self._thread = ScanThread(job, store, self._idle, self._clock)
         self._thread.start()
 
     def abort(self) -> None:
@@ -116,63 +138,16 @@ class _PlayJob(NamedTuple):
     zero_um: float
 
 
-class _PlayThread(threading.Thread):
-    """Plays one table; `outcome` is valid when it has ended."""
+class _PlayThread(DevicePlay):
+    """Plays one table."""
 
     def __init__(self, job: _PlayJob, idle: Callable[[], bool], clock: Clock, file: Path) -> None:
-        super().__init__(name="play", daemon=True)
-        self._job, self._axis = job, job.player.axis
-        self._idle, self._now_ns, self._file = idle, clock.now_ns, file
-        self.aborted, self._may_play = threading.Event(), False
-        self._ended_v = nan
-        self.outcome = PlayOutcome(nan, "the play did not end in order")
+        axis, first_v, near_v = job.player.axis, job.table.first_v, job.player.near_v
+        super().__init__((axis,), (first_v,), (near_v,), idle, clock)
+        self._job, self._axis, self._file = job, axis, file
 
-    def run(self) -> None:
-        if not self._becomes_idle():  # the device is not ours: nothing may be sent
-            why = f"for {IDLE_WITHIN_S:g} s the device was lost, or did not answer"
-            self.outcome = PlayOutcome(nan, why)
-            self._store(self._job.table, None, why)
-            return
-        try:
-            self.outcome = self._play()
-        except PlayCancelledError as cancelled:
-            self.outcome = self._stopped()
-            self._store(self._job.table, None, str(cancelled))
-        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
-            why = str(error) if isinstance(error, PiezodError) else repr(error)
-            self.outcome = self._stopped()._replace(failed=why)
-            self._store(self._job.table, None, why)
-
-    def _stopped(self) -> PlayOutcome:
-        """Stop the device; return the voltage in force: before the start, that of the loop.
-
-        A play that has ended keeps its last voltage, even if its record cannot be read.
-        """
-        drive_v = self._axis.abort(self._now_ns())
-        if not isfinite(drive_v):  # nor is it known if the device does not answer
-            return PlayOutcome(drive_v)
-        commanded_v = self._ended_v if self._may_play else self._job.table.first_v
-        known = isfinite(commanded_v)
-        return PlayOutcome(commanded_v if known else drive_v, commanded=known)
-
-    def _check(self) -> None:
-        """End the play here if it is to be aborted.
-
-        Raises:
-            PlayCancelledError: If it is.
-        """
-        if self.aborted.is_set():
-            raise PlayCancelledError("it was aborted")
-
-    def _becomes_idle(self) -> bool:
-        """Wait for the last round of a worker; return whether it ends, and leaves the device."""
-        seen = 0
-        for _ in range(round(IDLE_WITHIN_S / POLL_S)):
-            time.sleep(POLL_S)
-            seen = seen + 1 if self._idle() else 0
-            if seen == 2:  # twice in a row: a worker may just be taking its last job
-                return True
-        return False
+    def _failed(self, why: str) -> None:
+        self._store(self._job.table, None, why)
 
     def _play(self) -> PlayOutcome:
         taken = self._axis.load(self._job.table, self._now_ns(), self._check)
@@ -180,14 +155,12 @@ class _PlayThread(threading.Thread):
         self._axis.player.arm()
         self._wait_for_start(taken)
         self._check()
-        self._check_output(taken)
-        self._may_play = True  # nobody knows whether a request that fails has started it
-        self._axis.player.start(self._now_ns())
-        if self._wait(taken):
-            self._ended_v = self._end_v(taken)
+        self._start((taken.first_v,))
+        if self._wait(taken.duration_ns):
+            self._resting_v = (self._end_v(taken),)
         self._check()
         self._store(taken, self._axis.recording(self._check), "")
-        return PlayOutcome(self._ended_v, commanded=True)
+        return PlayOutcome(self._resting_v, commanded=True)
 
     def _wait_for_start(self, taken: AxisTable) -> None:
         """Wait for the instant at which the play is to begin, or until it is aborted.
@@ -202,37 +175,6 @@ class _PlayThread(threading.Thread):
         while (left_ns := taken.start_ns - self._now_ns()) > 0:
             if self.aborted.wait(min(left_ns / NS_PER_S, POLL_S)):
                 return
-
-    def _check_output(self, taken: AxisTable) -> None:
-        """Refuse to start where the output is not: it may have moved while the table was loaded.
-
-        Raises:
-            PlayError: If the output is not at the first point, or is not read back.
-        """
-        output_v, near_v = self._axis.read_back_v(self._now_ns()), self._job.player.near_v
-        if not abs(output_v - taken.first_v) <= near_v:
-            raise PlayError(
-                f"the output is at {output_v:.4g} V before the start, allowed: within {near_v:.3g} "
-                f"V of the first point, {taken.first_v:.4g} V: check the amplifier"
-            )
-
-    def _wait(self, taken: AxisTable) -> bool:
-        """Wait until the play has ended, or is to be aborted; return whether it has ended.
-
-        Raises:
-            PlayError: If it fails or does not end.
-        """
-        end_ns = self._now_ns() + taken.duration_ns + GRACE_NS
-        while not self.aborted.wait(POLL_S):
-            asked_ns = self._now_ns()
-            progress = self._axis.player.progress(asked_ns)
-            if progress.state is PlayState.ENDED:
-                return True
-            if progress.state is not PlayState.PLAYING:
-                raise PlayError(progress.reason or f"the device is {progress.state.value}")
-            if asked_ns > end_ns:  # not the present time: this thread may have been delayed
-                raise PlayError("the device plays on after the end of the table")
-        return False
 
     def _end_v(self, taken: AxisTable) -> float:
         """Return the voltage after the end, in V; NaN if no source says what the device does."""
@@ -281,15 +223,24 @@ def play_threads(
         try:
             played = PlayedAxis(axis, channels.devices, pairs)
             identity = channels.identities[pairs[axis].amplifier]
-            players[i] = AxisPlayer(played, identity, limits_of(config.axes[axis]), period_ns)
+            limits, rest_v = limits_of(config.axes[axis]), config.axes[axis].limits.rest_v
+            players[i] = AxisPlayer(played, identity, limits, period_ns, rest_v)
         except DeviceError as error:
             refusals[i] = str(error)
             continue
         if len(channels.devices) > 1:
             refusals[i] = _too_many(axis, pairs[axis].amplifier, channels.devices)
-    return PlayThreads(
-        players, refusals, partial(all_free, placements), channels.zero_um, clock, file
-    )
+    known = {axis: players[i].axis for i, axis in enumerate(pairs) if i in players}
+    scans = partial(_scan_of, known, pairs)
+    free = partial(all_free, placements)
+    return PlayThreads(players, refusals, free, channels.zero_um, clock, file, scans)
+
+
+def _scan_of(
+    known: Mapping[str, PlayedAxis], pairs: Mapping[str, ChannelPair], names: Sequence[str]
+) -> PlayedScan:
+    """Return axes that play together. Real-time safe: no device is asked for anything."""
+    return PlayedScan({name: known[name] for name in names}, pairs)
 
 
 def all_free(placements: Iterable[Placement]) -> bool:
@@ -314,7 +265,3 @@ def _too_many(axis: str, player: str, devices: Iterable[str]) -> str:
         f"{', '.join(sorted(devices))}: run axis {axis}, with {player} as its only device, from a "
         "configuration of its own, and its other devices from another one"
     )
-
-
-class PlayError(PiezodError):
-    """Raised when a device does not play as it was told."""

@@ -165,6 +165,14 @@ async def audit(
     return JsonAnswer(await context.stage.audit_log(limit))
 
 
+@endpoint(router, "scanned")
+async def scanned(
+    context: ContextOf, first: Annotated[int, Query(ge=0, le=1_000_000)] = 0
+) -> JsonAnswer:
+    """Return the last scan: its state, and the samples of some sweeps from `first` on."""
+    return JsonAnswer(await context.stage.scanned(first))
+
+
 @endpoint(router, "openapi", responses=None)
 async def openapi(request: HttpRequest) -> JsonAnswer:
     """Return the OpenAPI description."""

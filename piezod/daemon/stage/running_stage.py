@@ -27,6 +27,7 @@ from piezod.daemon.stage.metrics import StageFacts, metrics_text
 from piezod.daemon.stage.parameters import LearnedParameters
 from piezod.daemon.stage.peer import AuditEntry, Peer
 from piezod.daemon.stage.recordings import StageRecordings
+from piezod.daemon.stage.scanned import scanned_part
 from piezod.daemon.stores.audit import AuditLog
 from piezod.daemon.stores.audit_queue import AuditQueue
 from piezod.daemon.stores.parameter_store import ParameterStore
@@ -84,7 +85,7 @@ class RunningStage:
         config_changed: Callable[[], bool] = bool,
         can_rescue: Callable[[], bool] = lambda: True,
     ) -> None:
-        self._played_file = paths.played
+        self._played_file, self._scanned_files = paths.played, paths.scanned
         self.loop = loop
         """Connection to the loop; a reload replaces it."""
         self.available = True
@@ -330,6 +331,10 @@ class RunningStage:
             raise UnknownNameError(what, "`piezod play` plays a table") from None
         document: Document = json.loads(text)
         return document
+
+    async def scanned(self, first: int) -> Document:
+        """Return the last scan, with the samples of some sweeps from this one on."""
+        return await asyncio.to_thread(scanned_part, *self._scanned_files, first)
 
     async def audit_log(self, limit: int) -> Audit:
         """Return the newest entries of the audit log, newest first."""

@@ -42,10 +42,27 @@ def check_table(
             + (" together" if shared else "")
             + "; choose a longer interval"
         )
+    _check_pulses(table, able)
     # A device whose play only the host ends has no limit of its own.
     if table.cycles < 1 or 0 < able.cycles < table.cycles:
         allowed = f"1 to {able.cycles}" if able.cycles else "at least 1"
         raise DeviceError(f"a table has {table.cycles} cycles, allowed: {allowed}")
+
+
+def _check_pulses(table: Table, able: PlayerCapabilities) -> None:
+    if table.pulses is None:
+        return
+    if table.pulses.shape != (len(table.period),):
+        raise DeviceError(
+            f"pulses have the shape {table.pulses.shape}, allowed: one for each of the "
+            f"{len(table.period)} points of the period"
+        )
+    highest = int(table.pulses.max()).bit_length()
+    if highest > able.pulse_lines:
+        raise DeviceError(
+            f"pulses are for line {highest}, the device has {able.pulse_lines} lines of pulses; "
+            "see the options of its driver"
+        )
 
 
 def check_values(part: str, values: "FloatArray", ranges: Sequence[tuple[float, float]]) -> None:

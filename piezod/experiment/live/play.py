@@ -12,7 +12,7 @@ from piezod.config.fields import ConfigModel, Context
 from piezod.config.play import IntervalUs, Passes, WaveConfig
 from piezod.config.quantities import PauseS
 from piezod.config.validate import validate
-from piezod.errors import DataError, RefusedError
+from piezod.errors import DataError, PiezodError, RefusedError
 from piezod.experiment.live.plan import out_of_range
 from piezod.experiment.live.running_axis import playing_axis
 from piezod.experiment.live.setup import LiveSetup, read_setup
@@ -20,7 +20,6 @@ from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import command_of
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
-from piezod.experiment.play.response import MultisineSettings
 from piezod.experiment.play.stored import (
     Conditions,
     file_part,
@@ -29,17 +28,10 @@ from piezod.experiment.play.stored import (
     write_table,
 )
 from piezod.experiment.play.task import KnownAxis, PlaySettings
-from piezod.units import NS_PER_S
 
 REST_S = 1.0
 """Rest at the rest voltage before each play, in s."""
-LOWEST_HZ, HIGHEST_HZ = 10.0, 3000.0
-"""The multisine that measures the response of an axis which has no response file."""
 _TOO_LARGE = "too_large"
-AMPLITUDES = (0.03, 0.015, 0.007, 0.003)
-"""Its amplitudes, as shares of the range: the first one that is not too fast for the axis."""
-HIGHEST_SHARE = 0.15
-"""Highest frequency of the multisine, as a share of the rate of the table, if that is lower."""
 
 
 class _Wanted(ConfigModel):
@@ -108,7 +100,7 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         stage.arm_at_rest(REST_S)
         playing = playing_axis(stage, setup, name, command.interval_ns, REST_S)
-        known, first_um = _known(playing), None
+        known, first_um = measured_axis(playing), None
         if tables is not None:
             first_um, text = find_table(tables, playing.conditions, command)
             note(text)
@@ -140,28 +132,13 @@ def _wanted(wave: WaveConfig | Mapping[str, Any], **settings: float) -> _Wanted:
     return validate(document, _Wanted, Context())
 
 
-def near_frequency_hz(frequency_hz: float, interval_ns: int) -> float:
-    """Return the frequency nearest to this one with a whole number of points per period, in Hz.
-
-    The clocks of some devices, of 24 µs for example, do not divide a period of 0.1 s.
-    """
-    n_points = max(round(NS_PER_S / frequency_hz / interval_ns), 1)
-    return NS_PER_S / (n_points * interval_ns)
-
-
-def _known(axis: PlayingAxis) -> KnownAxis:
+def measured_axis(axis: PlayingAxis) -> KnownAxis:
     """Return what is known of an axis, measured with the largest amplitude that it accepts."""
-    highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * NS_PER_S / axis.interval_ns)
-    lowest_hz = near_frequency_hz(LOWEST_HZ, axis.interval_ns)
-    refusal = None
-    for amplitude in AMPLITUDES:
-        try:
-            return axis.known(MultisineSettings(axis.interval_ns, lowest_hz, highest_hz, amplitude))
-        except RefusedError as error:
-            if error.code == _TOO_LARGE:
-                what = f"the table that measures the response does not fit into a request: {error}"
-                raise DataError(
-                    f"{what}; a longer interval between points makes it smaller"
-                ) from error
-            refusal = error
-    raise DataError(f"no multisine is slow enough for the axis: {refusal}")
+    return axis.slowly_known(RefusedError, _check_size)
+
+
+def _check_size(error: PiezodError) -> None:
+    """Refuse a table that no smaller amplitude makes smaller."""
+    if isinstance(error, RefusedError) and error.code == _TOO_LARGE:
+        what = f"the table that measures the response does not fit into a request: {error}"
+        raise DataError(f"{what}; a longer interval between points makes it smaller") from error

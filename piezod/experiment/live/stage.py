@@ -4,11 +4,11 @@ It opens, judges and guards nothing, because the daemon does; the end of its ses
 ramp, which comes even if this process is killed.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, suppress
 from math import inf
 from types import TracebackType
-from typing import Final, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 from piezod.client import StageClient
 from piezod.client.arrival import because_of
@@ -33,6 +33,10 @@ from piezod.messages.telemetry import Telemetry as Interval
 
 RATE_HZ: Final = 20.0
 """Rate of the telemetry, in Hz."""
+SCAN_RATE_HZ: Final = 4.0
+"""Rate at which a scan is asked for new sweeps, in Hz."""
+NO_SWEEP: Final = 1_000_000
+"""A sweep that no scan has: only the state of the scan is asked."""
 ZERO_S: Final = 0.5
 """Longest duration of the zeroing of a sensor, in s."""
 SHORTEST_S: Final = 0.1
@@ -199,6 +203,54 @@ class LiveStage:
             raise DataError(f"axis {axis}: the play failed: {played['failed']}")
         return played
 
+    def scan(self, **request: Any) -> Iterator[Document]:
+        """Play a scan on an armed stage; yield its samples as they come, some sweeps each.
+
+        Args:
+            request: Arguments of `StageClient.scan`.
+
+        Raises:
+            DataError: If the scan failed; the text has the reason of the device.
+        """
+        before = self._scan_number()
+        self._client.scan(**request)
+        for document in self._samples(before):
+            yield document
+            if document["failed"]:
+                raise DataError(f"the scan failed: {document['failed']}")
+        self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
+
+    def _samples(self, before: int) -> Iterator[Document]:
+        """Yield the documents of a scan until it has ended; `before` is the number of the last."""
+        first = 0
+        with closing(self._client.telemetry(SCAN_RATE_HZ)) as intervals:
+            for interval in intervals:
+                self._advance(1.0 / SCAN_RATE_HZ)
+                if self._scan_number() == before:
+                    if interval.state not in {State.IDENT, State.READY}:
+                        raise left_states(interval)
+                    continue
+                ended = False
+                while not ended:
+                    document = self._client.scanned(first)
+                    got = len(next(iter(document["samples"].values()))) // document["points"]
+                    yield document
+                    first += got
+                    ended = document["ended"] and first == document["done"]
+                    if not got:
+                        break
+                if ended:
+                    return
+                if interval.state != State.IDENT:
+                    raise left_states(interval)
+
+    def _scan_number(self) -> int:
+        """Return the number of the last scan; 0 if there is none."""
+        try:
+            return int(self._client.scanned(NO_SWEEP)["number"])
+        except ClientError:
+            return 0
+
     def select(self, mode: Mode, axes: Collection[str]) -> None:
         """Select the mode of axes, disarmed or armed; in an armed stage this starts RUN."""
         for axis in axes:
@@ -267,6 +319,11 @@ class LiveStage:
                 if done(interval):
                     return interval
                 if interval.state not in through:
-                    what = f"the stage is in {interval.state}{because_of(interval)}"
-                    raise NotReachedError(what, "see `piezod faults`", "state")
+                    raise left_states(interval)
         raise NotRunningError("the telemetry has ended", "is the daemon still running?")
+
+
+def left_states(interval: Interval) -> NotReachedError:
+    """Return the error of a stage that is in an unexpected state."""
+    what = f"the stage is in {interval.state}{because_of(interval)}"
+    return NotReachedError(what, "see `piezod faults`", "state")

@@ -1,5 +1,6 @@
 """An axis that plays, virtual or running: its zero, its tables, and the conditions of these."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -7,12 +8,22 @@ from piezod.config.axes import AxisConfig
 from piezod.config.response_file import ResponseFile
 from piezod.control.law.compensated import limits_of
 from piezod.control.law.model import StageModel
-from piezod.experiment.play.response import MultisineSettings, measure_response, stored_response
+from piezod.errors import DataError, PiezodError
+from piezod.experiment.play.response import (
+    MultisineSettings,
+    measure_response,
+    stored_response,
+    usual_multisine,
+)
 from piezod.experiment.play.stage import IdentifiedStage
 from piezod.experiment.play.stored import Conditions, model_sha256
 from piezod.experiment.play.tables import TableMaker
 from piezod.experiment.play.task import KnownAxis
 from piezod.experiment.play.zeroed import ZeroedAxis
+
+AMPLITUDES = (0.03, 0.015, 0.007, 0.003)
+"""Amplitudes of the multisine that measures the response of an axis which has no response file, as
+shares of the range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,3 +79,23 @@ class PlayingAxis:
             response = measure_response(self.stage, self.maker, range_um, multisine)
         delay_s = self.conditions.sensor_delay_s
         return KnownAxis(self.maker, self.model.creep, response, delay_s)
+
+    def slowly_known(
+        self, refusal: type[PiezodError], check: Callable[[PiezodError], None] = lambda _: None
+    ) -> KnownAxis:
+        """Return what is known of the axis, measured with the largest amplitude that it accepts.
+
+        Args:
+            refusal: What is raised for a table that is too fast for the axis.
+            check: Called with each refusal; may raise another error.
+
+        Raises:
+            PiezodError: If the response could not be measured.
+        """
+        for amplitude in AMPLITUDES:
+            try:
+                return self.known(usual_multisine(self.interval_ns, amplitude))
+            except refusal as error:
+                check(error)
+                last = error
+        raise DataError(f"no multisine is slow enough for the axis: {last}")

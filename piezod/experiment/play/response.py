@@ -36,6 +36,26 @@ class MultisineSettings(NamedTuple):
     amplitude: float  #: Largest deviation of the position, as a share of the range of the model.
 
 
+LOWEST_HZ, HIGHEST_HZ = 10.0, 3000.0
+"""Frequencies of the usual multisine."""
+HIGHEST_SHARE = 0.15
+"""Its highest frequency, as a share of the rate of the table, if that is lower."""
+
+
+def usual_multisine(interval_ns: int, amplitude: float) -> MultisineSettings:
+    """Return the multisine that measures an axis of which nothing is known.
+
+    Args:
+        interval_ns: Time between two points of the table, in ns.
+        amplitude: As in the settings.
+    """
+    highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * NS_PER_S / interval_ns)
+    # The clocks of some devices, of 24 µs for example, do not divide a period of 0.1 s.
+    n_points = max(round(NS_PER_S / LOWEST_HZ / interval_ns), 1)
+    lowest_hz = NS_PER_S / (n_points * interval_ns)
+    return MultisineSettings(interval_ns, lowest_hz, highest_hz, amplitude)
+
+
 class KnownResponse(NamedTuple):
     """The response from the input of the inverse model to the samples."""
 

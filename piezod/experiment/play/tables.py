@@ -66,11 +66,39 @@ class TableMaker:
         """
         wanted = self._checked(wanted_um)
         fade_in, period_v = self._inverse(wanted)
+        lead_in_v = np.concatenate((self._swing_from(in_force_v), fade_in))
+        return AxisTable(self._interval_ns, lead_in_v, period_v, cycles)
+
+    def _swing_from(self, in_force_v: float) -> FloatArray:
+        """Return a swing from the voltage in force through the whole range."""
         # Noise of the read-back may be beyond a limit; the guard refuses a true difference.
         begin_v = min(max(in_force_v, self._limits_v[0]), self._limits_v[1])
         up = _raised_cosine(begin_v, self._high_v, self._swing)
-        down = _raised_cosine(self._high_v, self._low_v, self._swing)
-        return AxisTable(self._interval_ns, np.concatenate((up, down, fade_in)), period_v, cycles)
+        return np.concatenate((up, _raised_cosine(self._high_v, self._low_v, self._swing)))
+
+    def levels(self, wanted_um: FloatArray, in_force_v: float) -> tuple[FloatArray, FloatArray]:
+        """Return the voltages of a lead-in to the first of some levels, and those of the levels.
+
+        Args:
+            wanted_um: (n,) displacements without creep and dynamics, one after the other, in µm.
+            in_force_v: Voltage in force, at which the lead-in begins, in V.
+
+        Raises:
+            DataError: If a level leaves the range of the model.
+        """
+        wanted = self._checked(wanted_um)
+        rise = self._points(self._fade_s)
+        faded = wanted[0] * _raised_cosine(0.0, 1.0, rise)
+        drives = self._form.drives_at(self._model.weights, np.concatenate((faded, wanted)))
+        voltages = self._model.drive_v.from_unit(drives)
+        voltages = np.clip(voltages, self._low_v, self._high_v)
+        lead_in_v = np.concatenate((self._swing_from(in_force_v), voltages[:rise]))
+        return lead_in_v, voltages[rise:]
+
+    @property
+    def v_per_um(self) -> float:
+        """Mean voltage per displacement, in V/µm."""
+        return float(self._high_v - self._low_v) / self._model.position_um.width
 
     def conditioning(self, rest_v: float) -> AxisTable | None:
         """Return swings from rest through the whole range and back; None if none is needed."""

@@ -39,8 +39,8 @@ class ZeroedAxis:
         period = min(points, _LONGEST_PERIOD)
         period_v = np.full(period, axis.rest().drive_v)
         record = axis.play(AxisTable(interval_ns, np.empty(0), period_v, points // period))
-        self._zero_um = _mean(record.position_um)
-        self._true_zero_um = _mean(record.true_um)
+        self.zero_um = _mean(record.position_um)
+        self.true_zero_um = _mean(record.true_um)
 
     def rest(self) -> AtRest:
         """Bring the axis to rest."""
@@ -50,8 +50,8 @@ class ZeroedAxis:
         """Play a table and return its record, relative to the zero."""
         record = self._axis.play(table)
         return record._replace(
-            position_um=record.position_um - self._zero_um,
-            true_um=record.true_um - self._true_zero_um,
+            position_um=record.position_um - self.zero_um,
+            true_um=record.true_um - self.true_zero_um,
         )
 
 

@@ -21,7 +21,9 @@ from piezod.control.table_guard import TableGuard
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, Identity, KnowsTruth
 from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
+from piezod.devices.played_scan import BlockRecord, PlayedScan, ScanBlock
 from piezod.devices.player import PlayState
+from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
 from piezod.experiment.error_rows import NEED_TRUTH
@@ -209,6 +211,49 @@ class VirtualStage:
         return record._replace(
             position_um=record.position_um - self._zero_um[place],
             true_um=record.true_um - self._true_zero_um[place],
+        )
+
+    def played_scan(self, axes: Sequence[str]) -> PlayedScan:
+        """Return axes that play together.
+
+        Raises:
+            DeviceError: If their device does not play, or they have several.
+        """
+        return PlayedScan({name: self.played(name) for name in axes}, self._pairs)
+
+    def play_block(
+        self,
+        scan: PlayedScan,
+        table: ScanTable,
+        block: ScanBlock,
+        guards: Mapping[str, TableGuard],
+    ) -> BlockRecord:
+        """Play some sweeps of a scan; return their record, relative to the zeros of the sensors.
+
+        Raises:
+            DataError: If a guard refuses the table.
+            DeviceError: If the device refuses the table, or fails.
+        """
+        columns = scan.columns(table, block)
+        for name, column in zip(table.axes, columns, strict=True):
+            guards[name].check(column, self.read_back_v(name))
+        end_v = scan.load(table, block, self.now_ns)
+        scan.player.arm()
+        scan.player.start(self.now_ns)
+        duration_ns = columns[0].duration_ns + table.interval_ns
+        self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
+        progress = scan.player.progress(self.now_ns)
+        if progress.state is not PlayState.ENDED:
+            scan.player.abort(self.now_ns)
+            why = progress.reason or f"it is {progress.state.value} after its duration"
+            raise DeviceError(f"the scan failed: {why}")
+        places = [self._names.index(name) for name in table.axes]
+        for place, drive_v in zip(places, end_v.tolist(), strict=True):
+            self.in_force_v[place] = drive_v
+        record = scan.recording(block, columns[0].lead_in_v.size)
+        return record._replace(
+            position_um=record.position_um - np.array(self._zero_um)[places],
+            true_um=record.true_um - np.array(self._true_zero_um)[places],
         )
 
     def _zero(self, trace: FloatArray) -> None:

@@ -1,7 +1,7 @@
 /** Which commands can be used now, and in words why not. The stage itself decides in the end. */
 
 const ROLES = ["viewer", "operator", "engineer"];
-const FOR_ENGINEERS = ["identify", "learn"];
+const FOR_ENGINEERS = ["identify", "learn", "scan"];
 const WITHOUT_LEASE = ["hold", "stop", "record", "replay"];
 /** The states in which a command does something: a hold by a person also ends one that would end by itself. */
 const STATES = {

@@ -4,7 +4,7 @@ import { objection } from "./availability.js";
 import { bar } from "./command_card.js";
 import { el, newId, setText, withCode } from "./dom.js";
 
-const KINDS = { identify: "identification", import: "reading a file", learn: "learning", replay: "replay" };
+const KINDS = { identify: "identification", import: "reading a file", learn: "learning", scan: "scan", replay: "replay" };
 let opened = null; // one dialog at a time
 
 /**

@@ -28,6 +28,7 @@ export function modelPanel(context, axis) {
   const buttons = el(
     "div", { class: "buttons" },
     button("Identify…", () => open("./identify.js")), button("Play and learn…", () => open("./learn.js")),
+    button("Scan…", () => open("./scan.js")),
   );
   const element = el("section", { class: "panel" }, el("h2", {}, "Model"), buttons, plot, note, list);
   let [chart, first, shown, missed] = [null, null, null, false];

@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from math import isnan, nan
+from typing import Any
 
+import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
@@ -12,6 +15,7 @@ from piezod.control.stage.playing import PlayOutcome
 from piezod.devices.interface import Device, Identity
 from piezod.devices.played_axis import AxisTable
 from piezod.devices.player import AtEnd, PlayerCapabilities
+from piezod.devices.scan_table import ScanTable
 from piezod.devices.wrapper import DeviceWrapper
 from piezod.messages import requests as rq
 from piezod.units import s_to_ns
@@ -26,6 +30,7 @@ class PlayedByHand:
 
     def __init__(self) -> None:
         self.why, self.tables, self.aborts = "", list[AxisTable](), 0
+        self.scans = list[ScanTable]()
         self._outcome: PlayOutcome | None = None
 
     def refusal(self, axis: int) -> str:
@@ -44,13 +49,23 @@ class PlayedByHand:
         assert axis == 0
         self.tables.append(table)
 
+    def scan_refusal(self, axes: Sequence[int], table: ScanTable) -> str:
+        """Refuse for the reason that the test gives."""
+        assert (list(axes), table.axes) == ([0], ("x",))
+        return self.why
+
+    def begin_scan(self, axes: Sequence[int], table: ScanTable) -> None:
+        """Begin a scan that does not end by itself."""
+        assert list(axes) == [0]
+        self.scans.append(table)
+
     def abort(self) -> None:
         """Count the aborts."""
         self.aborts += 1
 
     def end(self, drive_v: float, failed: str = "", *, commanded: bool = False) -> None:
         """End the play at a voltage, in V."""
-        self._outcome = PlayOutcome(drive_v, failed, commanded)
+        self._outcome = PlayOutcome((drive_v,), failed, commanded)
 
     def outcome(self) -> PlayOutcome | None:
         """Return the end, once."""
@@ -295,3 +310,61 @@ def test_play_is_refused_where_it_cannot_be() -> None:
     assert "shadow" in shadow.ask(PLAY).why
     assert "`piezod arm` first" in disarmed
     assert "`piezod stop`" in moving.ask(PLAY).why
+
+
+def scan_request(
+    top_v: float = 60.0, points: int = 200, interval_s: float = 0.01, **other: Any
+) -> rq.Scan:
+    """Return a scan of four sweeps of one axis."""
+    line_v = top_v * (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(points) / points))
+    curve = {
+        "lead_in_v": (0.0, 0.0),
+        "line_v": tuple(line_v.tolist()),
+        "offset_v": (0.0, 0.1, 0.2, 0.3),
+        "scale": (1.0,) * 4,
+        "blend": tuple(np.linspace(0.0, 1.0, points).tolist()),
+    }
+    return rq.Scan.model_validate({"axes": {"x": {**curve, **other}}, "interval_s": interval_s})
+
+
+def test_scan_is_played_between_ramps() -> None:
+    """As a table: the curves arrive as they were sent, and the axis goes to rest afterwards."""
+    runner = PlayedByHand()
+    stage = RigStage(plays=runner).armed(scan_request())
+    stage.run(0.1)
+    runner.end(0.0, commanded=True)
+    stage.until("READY")
+
+    (table,) = runner.scans
+    assert (table.sweeps, table.points, table.axes) == (4, 200, ("x",))
+    assert table.line_v[:, 0].max() == pytest.approx(60.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        (scan_request(200.0), "allowed range 0 to 150 V"),
+        (scan_request(140.0, points=4, interval_s=1e-3), "V/s; scan more slowly"),
+        (
+            scan_request(offset_v=(0.0, 0.0, 80.0, 0.0), blend=(0.0,) * 200, interval_s=1e-3),
+            "V/s; scan more slowly",
+        ),
+    ],
+)
+def test_scan_beyond_a_limit_is_refused(request_: rq.Scan, why: str) -> None:
+    """Before anything moves, with axis and limit."""
+    runner = PlayedByHand()
+    stage = RigStage(plays=runner).armed()
+    answer = stage.ask(request_)
+
+    assert why in answer.why
+    assert stage.state == "READY"
+    assert not runner.scans
+
+
+def test_curves_that_do_not_fit_each_other_are_refused() -> None:
+    """The error names the curve and the wanted number."""
+    with pytest.raises(ValidationError, match="has 3 numbers, 4 are needed"):
+        scan_request(scale=(1.0,) * 3)
+    with pytest.raises(ValidationError, match="a multiple of 150 is needed"):
+        scan_request(blend=(0.0,) * 150)

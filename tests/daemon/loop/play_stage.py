@@ -1,6 +1,6 @@
 """A stage whose emulated device plays behind a worker, in virtual time; its threads take turns."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,8 +13,10 @@ from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices import registry
 from piezod.devices.interface import Device, Identity
 from piezod.devices.played_axis import AxisTable, PlayedAxis
+from piezod.devices.played_scan import PlayedScan
 from piezod.devices.reconnecting import ReconnectingDevice
 from piezod.devices.wiring import pairs_of
+from piezod.errors import DeviceError
 from piezod.messages import requests as rq
 from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S
@@ -63,13 +65,19 @@ class BenchClock:
         raise AssertionError(f"slept until {t_ns} ns")
 
 
+def no_scan(names: Sequence[str]) -> PlayedScan:
+    """Refuse a scan: these tests have none."""
+    raise DeviceError(f"no scan of {names}")
+
+
 class PlayedByTest(PlayThreads):
     """Plays whose steps the test takes, in its own thread, while the worker has nothing to do."""
 
     def __init__(self, axis: PlayedAxis, bench: PlayBench) -> None:
         player = AxisPlayer(axis, WHO, Limits(0.0, 150.0, 1000.0), round(NS_PER_S / RATE_HZ))
         clock = BenchClock(bench.time)
-        super().__init__({0: player}, {}, lambda: True, lambda _axis: 0.0, clock, Path())
+        free, zero_um = (lambda: True), (lambda _axis: 0.0)
+        super().__init__({0: player}, {}, free, zero_um, clock, Path(), no_scan)
         self.axis, self.aborted = axis, False
         self.end: PlayOutcome | None = None
         self.table: AxisTable | None = None
@@ -167,7 +175,7 @@ class PlayStage(RigStage):
         self.do(rq.Stop())
         assert self.runner.aborted
         drive_v = self.runner.axis.abort(self.time.t_ns)
-        self.runner.end = PlayOutcome(drive_v)
+        self.runner.end = PlayOutcome((drive_v,))
         return drive_v
 
     def until_down(self) -> None:

@@ -49,7 +49,7 @@ def test_an_unknown_end_is_ramped_down_from_a_later_read_back(stage: PlayStage) 
     """The runner reports no voltage, and the worker still has a round of before the play."""
     stage.play_to(ABORT_V)
     stage.stop_play()
-    stage.runner.end = PlayOutcome(nan)
+    stage.runner.end = PlayOutcome((nan,))
     stage.bench.rig.driven_v.clear()
     stopped_v = stage.in_force_v
     stage.until("SAFE")

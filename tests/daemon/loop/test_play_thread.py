@@ -14,9 +14,10 @@ from piezod.config.channels import LineCalibration
 from piezod.config.daemon import DaemonConfig
 from piezod.control.guard import Limits
 from piezod.control.stage.playing import PlayOutcome
-from piezod.daemon.loop import play_thread
+from piezod.daemon.loop import device_play, play_thread
+from piezod.daemon.loop.device_play import PlayError
 from piezod.daemon.loop.placement import DevicePlace, Placement, RoundTrips
-from piezod.daemon.loop.play_thread import AxisPlayer, PlayError, PlayThreads
+from piezod.daemon.loop.play_thread import AxisPlayer, PlayThreads
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Device, Identity
@@ -37,6 +38,7 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
+from tests.daemon.loop.play_stage import no_scan
 from tests.daemon.waiting import eventually
 from tests.devices.fake_link import WHO, FakeLink
 
@@ -138,6 +140,7 @@ class Played:
             lambda _axis: 1.0,
             self.clock,
             self.file,
+            no_scan,
         )
         self.threads.begin(0, table)
 
@@ -165,7 +168,7 @@ def test_table_and_record_are_calibrated(tmp_path: Path) -> None:
     assert running is None
     assert player.loaded is not None
     assert player.loaded.period[:, 0].tolist() == pytest.approx([2.0, 4.0, 3.0])
-    assert outcome.drive_v == pytest.approx(30.0)
+    assert outcome.drives_v == pytest.approx((30.0,))
     assert outcome.failed == ""
     assert document["position_um"] == [pytest.approx(2.0), None, pytest.approx(5.0)]
     assert document["drive_v"] == pytest.approx([20.0, 40.0, 30.0])
@@ -192,7 +195,7 @@ def test_play_starts_at_the_output_only(tmp_path: Path, output_v: float, starts:
 
     assert player.state is PlayState.IDLE
     assert "20 V" in outcome.failed
-    assert (outcome.drive_v, outcome.commanded) == (20.0, True)
+    assert (outcome.drives_v, outcome.commanded) == ((20.0,), True)
 
 
 def test_abort_ends_a_play(tmp_path: Path) -> None:
@@ -202,7 +205,7 @@ def test_abort_ends_a_play(tmp_path: Path) -> None:
     eventually(lambda: player.state is PlayState.PLAYING)
     played.threads.abort()
 
-    assert played.outcome().drive_v == pytest.approx(25.0)
+    assert played.outcome().drives_v == pytest.approx((25.0,))
     assert player.state is PlayState.IDLE
     assert played.document()["failed"] == "it was aborted"
 
@@ -224,7 +227,7 @@ def test_abort_does_not_wait_for_a_table(tmp_path: Path, slow: str) -> None:
     played.threads.abort()
     outcome = played.outcome()
 
-    assert outcome == PlayOutcome(20.0 if slow == "load" else 30.0, commanded=True)
+    assert outcome == PlayOutcome((20.0 if slow == "load" else 30.0,), commanded=True)
     assert played.document()["failed"] == "it was aborted"
 
 
@@ -236,7 +239,7 @@ def test_play_whose_record_cannot_be_read_has_ended_at_its_last_voltage(tmp_path
     eventually(lambda: player.state is PlayState.PLAYING)
     player.state = PlayState.ENDED
 
-    assert played.outcome() == PlayOutcome(30.0, player.unreadable, commanded=True)
+    assert played.outcome() == PlayOutcome((30.0,), player.unreadable, commanded=True)
 
 
 def test_play_begins_at_its_instant(tmp_path: Path) -> None:
@@ -258,7 +261,7 @@ def test_abort_before_the_instant_starts_nothing(tmp_path: Path) -> None:
     eventually(lambda: player.state is PlayState.ARMED)
     played.threads.abort()
 
-    assert played.outcome().drive_v == pytest.approx(20.0)
+    assert played.outcome().drives_v == pytest.approx((20.0,))
     assert played.document()["failed"] == "it was aborted"
 
 
@@ -278,7 +281,7 @@ def test_voltage_after_an_end_without_source_is_unknown(tmp_path: Path) -> None:
     eventually(lambda: player.state is PlayState.PLAYING)
     player.state = PlayState.ENDED
 
-    assert np.isnan(played.outcome().drive_v)
+    assert np.isnan(played.outcome().drives_v).all()
 
 
 def test_failure_of_the_device_is_the_reason(tmp_path: Path) -> None:
@@ -301,7 +304,7 @@ def test_play_without_an_end_is_aborted(tmp_path: Path) -> None:
     player = FakePlayer()
     played = Played(tmp_path, player)
     eventually(lambda: player.state is PlayState.PLAYING)
-    played.clock.spend_ns(TABLE.duration_ns + 2 * play_thread.GRACE_NS)
+    played.clock.spend_ns(TABLE.duration_ns + 2 * device_play.GRACE_NS)
 
     assert "plays on" in played.outcome().failed
     assert player.state is PlayState.IDLE
@@ -315,7 +318,7 @@ def test_delay_of_the_thread_is_no_fault_of_the_device(tmp_path: Path) -> None:
             answer = super().progress(now_ns)
             if answer.state is PlayState.PLAYING:
                 assert begun.wait(10.0)
-                played.clock.spend_ns(TABLE.duration_ns + 2 * play_thread.GRACE_NS)
+                played.clock.spend_ns(TABLE.duration_ns + 2 * device_play.GRACE_NS)
                 self.state = PlayState.ENDED
             return answer
 
@@ -330,12 +333,12 @@ def test_device_that_is_not_free_is_left_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A lost device, or one that does not answer, belongs to another thread: nothing is sent."""
-    monkeypatch.setattr(play_thread, "IDLE_WITHIN_S", 3 * play_thread.POLL_S)
+    monkeypatch.setattr(device_play, "IDLE_WITHIN_S", 3 * device_play.POLL_S)
     player = FakePlayer()
     played = Played(tmp_path, player, idle=lambda: False)
     outcome = played.outcome()
 
-    assert np.isnan(outcome.drive_v)
+    assert np.isnan(outcome.drives_v).all()
     assert "was lost, or did not answer" in outcome.failed
     assert (player.loaded, player.state) == (None, PlayState.LOADED)
 

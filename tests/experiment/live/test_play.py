@@ -13,12 +13,13 @@ from piezod.config.fields import Context
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.play import WaveConfig
 from piezod.errors import ConfigError, DataError, RefusedError
-from piezod.experiment.live.play import LOWEST_HZ, REST_S, learn_waveform, near_frequency_hz
+from piezod.experiment.live.play import REST_S, learn_waveform
 from piezod.experiment.live.running_axis import RunningAxis
 from piezod.experiment.live.setup import read_setup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.command import points_of
 from piezod.experiment.play.learn import PassReport
+from piezod.experiment.play.response import LOWEST_HZ, usual_multisine
 from piezod.hysteresis import SurfaceForm
 from tests.config.test_surface_file import FILE
 from tests.control.made_up import RELAXING
@@ -33,7 +34,7 @@ BRIEF: dict[str, Any] = {"settle_s": 0.3, "record_s": 0.2}
 def test_multisine_has_a_whole_number_of_points(interval_us: int) -> None:
     """Its lowest frequency is near 10 Hz, also for a clock that does not divide 0.1 s."""
     interval_ns = 1000 * interval_us
-    frequency_hz = near_frequency_hz(LOWEST_HZ, interval_ns)
+    frequency_hz = usual_multisine(interval_ns, 0.01).lowest_hz
 
     assert frequency_hz == pytest.approx(LOWEST_HZ, rel=0.01)
     assert points_of("the multisine", 1.0 / frequency_hz, interval_ns) > 100

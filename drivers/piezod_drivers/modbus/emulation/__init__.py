@@ -5,6 +5,6 @@ frames of TCP or RTU. `converter.py` connects inputs and outputs to the simulate
 is the watchdog of a device. `labjack.py` and `io_modules.py` make the single devices.
 
 The stream of a LabJack: `stream.py` scans, `stream_out.py` holds the values to be played,
-`stream_buffer.py` the samples to be sent. `flash.py` is the memory with the constants of the
-inputs.
+`stream_buffer.py` the samples to be sent, `digital_outputs.py` the lines that pulse. `flash.py` is
+the memory with the constants of the inputs.
 """

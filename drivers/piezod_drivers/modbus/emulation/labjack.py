@@ -7,6 +7,7 @@ from zlib import crc32
 
 from piezod.devices.emulation.bench import SharedRig
 from piezod_drivers.modbus.emulation.converter import ConverterOutput, measured_v
+from piezod_drivers.modbus.emulation.digital_outputs import DigitalOutputs
 from piezod_drivers.modbus.emulation.flash import Flash
 from piezod_drivers.modbus.emulation.servers import TcpServer
 from piezod_drivers.modbus.emulation.stream import Stream
@@ -19,7 +20,12 @@ from piezod_drivers.modbus.emulation.unit import (
 )
 from piezod_drivers.modbus.emulation.watchdog import RUNNING, Watchdog
 from piezod_drivers.modbus.profiles import labjack
-from piezod_drivers.modbus.profiles.labjack_stream import IS_ACTIVE, LAST_ERROR, STREAM_PLANS
+from piezod_drivers.modbus.profiles.labjack_stream import (
+    DIO_STATE,
+    IS_ACTIVE,
+    LAST_ERROR,
+    STREAM_PLANS,
+)
 from piezod_drivers.modbus.register import Table
 
 FUNCTIONS: Final = frozenset({3, 4, 6, 16, FEEDBACK})
@@ -52,13 +58,22 @@ class LabJackServer(TcpServer):
 
     Args:
         on_request: Called with True for each request, and with False by `due`.
+
+    Attributes:
+        lines: The digital outputs.
+        pulses: Number of pulses of each of them.
     """
 
     def __init__(
-        self, unit: EmulatedUnit, on_request: Callable[[bool], None], stream: Stream
+        self,
+        unit: EmulatedUnit,
+        on_request: Callable[[bool], None],
+        stream: Stream,
+        lines: DigitalOutputs,
     ) -> None:
         super().__init__(unit, on_request)
         self._stream = stream
+        self.lines, self.pulses = lines, lines.pulses
 
     def receive(self, data: bytes) -> list[bytes]:
         """Make all scans that are due, then reply to every complete request."""
@@ -90,7 +105,9 @@ def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> LabJackServe
     plan = STREAM_PLANS[f"labjack-t{model.product}"]
     flash = Flash(plan, model.n_inputs)
     targets = {DAC + 2 * i: output for i, output in enumerate(outputs)}
-    stream = Stream(bench, plan, targets, model.n_inputs, flash.encode)
+    lines = DigitalOutputs()
+    driven: dict[int, ConverterOutput | DigitalOutputs] = {**targets, DIO_STATE: lines}
+    stream = Stream(bench, plan, driven, model.n_inputs, flash.encode)
     for i in range(model.n_inputs):
         is_low = i >= model.n_inputs - model.n_low_inputs
         value_v = partial(_unless_streaming, stream, (_low_input if is_low else _input)(bench, i))
@@ -102,9 +119,10 @@ def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> LabJackServe
     unit.add("holding", LAST_ERROR + 1, "uint16", lambda: unit.last_exception)
     _add_identity(unit, model, bench, serial)
     flash.add_to(unit)
+    lines.add_to(unit)
     stream.add_to(unit)
     add_stream_outs(unit, stream.outs)
-    return LabJackServer(unit, _watchdog(unit, bench, outputs).update, stream)
+    return LabJackServer(unit, _watchdog(unit, bench, outputs).update, stream, lines)
 
 
 def _add_identity(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, serial: str) -> None:

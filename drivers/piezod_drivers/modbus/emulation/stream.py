@@ -8,6 +8,7 @@ from typing import Final
 from piezod.devices.emulation.bench import UM_PER_V, SharedRig
 from piezod.units import NS_PER_S
 from piezod_drivers.modbus.emulation.converter import OVERLOAD_V, ConverterOutput
+from piezod_drivers.modbus.emulation.digital_outputs import DigitalOutputs
 from piezod_drivers.modbus.emulation.stream_buffer import StreamBuffer
 from piezod_drivers.modbus.emulation.stream_out import StreamOut
 from piezod_drivers.modbus.emulation.unit import DEVICE_FAILURE, EmulatedUnit, ModbusRefusal
@@ -45,7 +46,7 @@ class Stream:
         self,
         bench: SharedRig,
         plan: StreamPlan,
-        outputs: Mapping[int, ConverterOutput],
+        outputs: Mapping[int, ConverterOutput | DigitalOutputs],
         n_inputs: int,
         encode: EncodeInput,
     ) -> None:

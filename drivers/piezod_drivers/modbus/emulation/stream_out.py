@@ -3,7 +3,7 @@
 from collections.abc import Callable, Container, Sequence
 from functools import partial
 from math import isfinite
-from struct import unpack
+from struct import calcsize, unpack
 from typing import Final
 
 from piezod_drivers.modbus.emulation.unit import (
@@ -153,17 +153,19 @@ def _add_stream_out(
     for address, get, set_ in numbers:
         unit.add("holding", address + step, "uint32", get, partial(_set_whole, set_))
     unit.add("holding", registers.OUT_FREE_BYTES + step, "uint32", out.free_bytes)
-    unit.add_port(registers.OUT_VALUES + step, RegisterPort(write=partial(_put, out)))
+    for address, letter in ((registers.OUT_VALUES, "f"), (registers.OUT_WORDS, "H")):
+        unit.add_port(address + step, RegisterPort(write=partial(_put, out, letter)))
 
 
 def _set_whole(set_: Callable[[int], None], number: float) -> None:
     set_(int(number))
 
 
-def _put(out: StreamOut, words: bytes) -> None:
-    if len(words) % 4:
+def _put(out: StreamOut, letter: str, words: bytes) -> None:
+    size = calcsize(f">{letter}")
+    if len(words) % size:
         raise ModbusRefusal(ILLEGAL_VALUE)
-    values = unpack(f">{len(words) // 4}f", words)
+    values = unpack(f">{len(words) // size}{letter}", words)
     if not all(map(isfinite, values)):
         raise ModbusRefusal(ILLEGAL_VALUE)
     out.put(values)

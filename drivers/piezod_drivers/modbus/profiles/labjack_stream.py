@@ -32,6 +32,10 @@ OUT_SET_LOOP: Final = 4070
 OUT_FREE_BYTES: Final = 4080
 OUT_ENABLE: Final = 4090
 OUT_VALUES: Final = 4400
+OUT_WORDS: Final = 4420
+"""As `OUT_VALUES`, for values of 16 bits."""
+DIO_STATE, DIO_DIRECTION = 2500, 2600
+"""The lines FIO0 to FIO7: a bit for each; the bits of the high byte leave lines alone."""
 OUT_STEP: Final = 2
 """Distance of the registers of two stream-outs, except those of the scan list."""
 OUT_IN_SCAN: Final = 4800
@@ -120,6 +124,7 @@ class StreamPlan(NamedTuple):
     has_trigger: bool = (
         True  #: Whether a stream can wait for a trigger or follow an external clock.
     )
+    pulse_lines: int = 8  #: Digital outputs FIO0, FIO1, … that a stream-out can set.
 
     def scale_source(self, channel: int, range_v: float) -> ScaleSource | None:
         """Return the place of an input's scale; None if the range is unknown."""
@@ -146,7 +151,16 @@ def input_scale(values: Sequence[float]) -> InputScale:
 
 
 _T4: Final = StreamPlan(
-    20_000, 20_000, (1 << 10) - 1, 0x3C4000, {0.0: 0, 10.0: 0, 2.5: 0}, 1, 2, 4, has_trigger=False
+    20_000,
+    20_000,
+    (1 << 10) - 1,
+    0x3C4000,
+    {0.0: 0, 10.0: 0, 2.5: 0},
+    1,
+    2,
+    4,
+    has_trigger=False,
+    pulse_lines=0,  # FIO0 to FIO3 are analogue there
 )
 _T7: Final = StreamPlan(
     10_000,

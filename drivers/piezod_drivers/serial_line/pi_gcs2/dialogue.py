@@ -40,7 +40,13 @@ class Gcs2Dialogue(GcsDialogue):
         self.numbers: Sequence[str] = ()
         byte_ns = 0 if options.host is not None else _BITS * NS_PER_S // options.baud
         at_end = AtEnd(options.wave_end)
-        self.player = Gcs2Player(self, at_end, measures=self._by_channel, byte_ns=byte_ns)
+        self.player = Gcs2Player(
+            self,
+            at_end,
+            measures=self._by_channel,
+            byte_ns=byte_ns,
+            pulse_lines=options.trigger_outputs,
+        )
 
     def open(self) -> Identity:
         """Connect, identify the controller, read its axes and ranges; nothing moves.

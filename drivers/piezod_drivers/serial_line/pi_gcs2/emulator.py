@@ -69,6 +69,8 @@ class Gcs2Emulator(GcsEmulator):
             "TMX?": self._query(lambda _: _TRAVEL_UM),
         }
         self._waves = WaveGenerators(bench, self.axes)
+        self.pulses = self._waves.triggers.pulses
+        """Number of pulses of each digital output."""
         commands = WaveCommands(self._waves)
         self._handlers |= commands.handlers
         self._bytes[_IS_PLAYING] = commands.running

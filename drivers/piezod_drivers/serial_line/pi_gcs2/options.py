@@ -27,6 +27,10 @@ class Gcs2Options(LineOptions):
         description="Query of the value in force: the measured voltage, or the value that was set.",
     )
     wave_end: WaveEnd = "unknown"
+    trigger_outputs: Annotated[int, Quantity(0, 8)] = Field(
+        default=0,
+        description="Number of digital outputs for the pulses of a scan, OUT1 and on; 0 for none.",
+    )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from super()._broken_rules()

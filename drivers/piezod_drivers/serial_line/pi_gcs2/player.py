@@ -48,10 +48,14 @@ class Gcs2Player:
         at_end: What an output does after its last cycle.
         measures: Whether the voltages in force are measured; otherwise a stop leaves them unknown.
         byte_ns: Time of a byte on the line, in ns.
+        pulse_lines: Number of digital outputs for pulses.
     """
 
-    def __init__(self, host: PlayHost, at_end: AtEnd, *, measures: bool, byte_ns: int) -> None:
+    def __init__(
+        self, host: PlayHost, at_end: AtEnd, *, measures: bool, byte_ns: int, pulse_lines: int = 0
+    ) -> None:
         self._host, self._at_end, self._measures = host, at_end, measures
+        self._pulse_lines = pulse_lines
         self._requests = WaveRequests(host, byte_ns)
         self._memory: Memory | None = None
         self._table: Table | None = None
@@ -103,6 +107,7 @@ class Gcs2Player:
             record_points=memory.record_points // memory.n_record_tables,
             records_with_play=True,
             at_end=self._at_end,
+            pulse_lines=self._pulse_lines,
         )
 
     def load(self, table: Table, check: Check) -> Table:
@@ -126,6 +131,9 @@ class Gcs2Player:
             self._requests.write_wave(number, [float(value) for value in wave[:, i]], check)
             for i, number in enumerate(self._host.numbers)
         ]
+        if self._pulse_lines:
+            high = wave_arrays.high_points(table)
+            self._requests.set_pulses(self._pulse_lines, high, check)
         self._table = wave_arrays.table_of(table, held)
         return self._table
 

@@ -17,6 +17,10 @@ from piezod_drivers.serial_line.pi_gcs2.array_codec import array_length, array_r
 
 PER_LINE: Final = 20
 """Points in a command: at most 32 arguments, and 256 characters, in a line."""
+TRIGGERS_PER_LINE: Final = 10
+"""Points of pulses in a command, three arguments each."""
+TRIGGER_MODE, BY_GENERATOR = 3, 4
+"""Parameter of a digital output, and its value: it follows the wave generators."""
 PER_REPLY: Final = 200
 """Points in a reply with many values."""
 IS_PLAYING: Final = b"\x09"
@@ -134,6 +138,22 @@ class WaveRequests:
                 what = f"wave {number} holds {value:g} at point {point} instead of {text}"
                 raise DeviceError(what)
         return held
+
+    def set_pulses(self, lines: int, high: Sequence[tuple[int, int]], check: Check) -> None:
+        """Set at which points the digital outputs are high; at all others they are low.
+
+        Args:
+            lines: Number of outputs, which follow the wave generators from now on.
+            high: Line and point, both from 1.
+            check: Called between two exchanges.
+        """
+        self.do(b"TWC\n")
+        for line in range(1, lines + 1):
+            self.do(f"CTO {line} {TRIGGER_MODE} {BY_GENERATOR}\n".encode())
+        for first in range(0, len(high), TRIGGERS_PER_LINE):
+            check()
+            part = high[first : first + TRIGGERS_PER_LINE]
+            self.do(f"TWS{''.join(f' {line} {point} 1' for line, point in part)}\n".encode())
 
     def record_length(self) -> int:
         """Return the number of recorded points."""

@@ -57,6 +57,9 @@ class WaveCommands:
             "RTR?": lambda _: f"{waves.recorder.rate}\n".encode(),
             "DRL?": self._record_lengths,
             "DRR?": self._recorded,
+            "CTO": waves.triggers.configure,
+            "TWC": waves.triggers.clear,
+            "TWS": waves.triggers.set_points,
             "SPA?": self._parameter,
             "SPA": self._set_parameter,
         }

@@ -12,6 +12,7 @@ from piezod_drivers.serial_line.pi_gcs2.emulation.data_recorder import (
     VOLTAGE,
     DataRecorder,
 )
+from piezod_drivers.serial_line.pi_gcs2.emulation.trigger_outputs import TriggerOutputs
 
 SERVO_NS: Final = 50_000
 MOST_POINTS: Final = 262_144
@@ -50,6 +51,7 @@ class WaveGenerators:
         generators: The generators.
         rate: Servo cycles for each point of a table.
         recorder: The data recorder.
+        triggers: The digital outputs.
     """
 
     def __init__(self, bench: SharedRig, axes: Sequence[GcsAxis]) -> None:
@@ -58,6 +60,7 @@ class WaveGenerators:
         self.generators = [WaveGenerator() for _ in axes]
         self.rate = 1
         self.recorder = DataRecorder(self._value_of)
+        self.triggers = TriggerOutputs()
         self._next_ns = self._cycle = 0
         self._positions_um: Sequence[float] = ()
         self._drive_v = [0.0] * len(axes)
@@ -120,6 +123,8 @@ class WaveGenerators:
             for i, each in enumerate(self.generators):
                 if each.running:
                     self._next_point(i, each, t_ns)
+            # The point of the first generator counts; all that play together have the same.
+            self.triggers.at(self.generators[0].point if self.running() else 0)
         self.recorder.record(len(self._axes))
         self._cycle += 1
 

@@ -1,0 +1,70 @@
+"""`piezod scan`: a scan that a device plays, in virtual time or on a running stage."""
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+from piezod.cli.experiment.experiment import SeedOption
+from piezod.cli.options import JsonOption
+from piezod.cli.paths import existing_file
+from piezod.cli.stage_options import SocketOption, StageOption, connect
+
+_FileArgument: TypeAlias = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE",
+        readable=False,
+        callback=existing_file,
+        help="YAML with `scan:`. In virtual time it is an experiment, with devices and axes.",
+    ),
+]
+_OutOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        readable=False,
+        help="File to write, HDF5 in the layout of NeXus; a number is added if it exists. Default: "
+        "the name of FILE with .nxs, in the current folder.",
+    ),
+]
+_LiveOption: TypeAlias = Annotated[
+    bool, typer.Option("--live", help="Scan on a running stage, with its devices and models.")
+]
+_TablesOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        readable=False,
+        help="Folder of learned lines: begin with the one in it whose conditions are the same, and "
+        "store the learned one there.",
+    ),
+]
+
+
+def scan(  # noqa: PLR0913, PLR0917 - each argument is an option
+    file: _FileArgument,
+    out: _OutOption = None,
+    seed: SeedOption = None,
+    live: _LiveOption = False,
+    tables: _TablesOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Scan lines, a raster or a stack that a device plays, and store a picture.
+
+    The line is learned alone first, then in whole frames, each sweep with an offset and a size of
+    its own. The last frame is stored sweep by sweep: after an abort the file has all sweeps before
+    it. Prints the errors of each frame in pixels, in the middle 80 % of the lines. With --live the
+    stage is disarmed at the end.
+    """
+    if live and seed is not None:
+        message = "not with --live: a running stage has its own seed"
+        raise typer.BadParameter(message, param_hint="'--seed'")
+    if not live and (stage or socket):
+        raise typer.BadParameter("--stage and --socket need --live")
+    # numba, scipy and h5py take long to import.
+    from piezod.cli.experiment.scan_run import run
+
+    run(file, out, seed, tables, (lambda: connect(stage, socket)) if live else None, json=json)

@@ -1,0 +1,268 @@
+"""What a scan is: lines that sweep an axis, a raster of them, or a stack of planes."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
+
+from pydantic import Field
+
+from piezod.config.document import Document
+from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
+from piezod.config.messages import suggest
+from piezod.config.play import IntervalUs
+from piezod.config.quantities import Name, OneLine, PositionUm
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import load_yaml
+from piezod.errors import ConfigError, Problem
+
+if TYPE_CHECKING:
+    from piezod.config.axes import AxisConfig
+
+KEY: Final = "scan"
+MOST_PIXELS: Final = 10_000
+"""Most pixels of a line, and most lines, repeats or planes."""
+LEAST_SPAN_UM: Final = 1e-4
+MODE_PERIODS: Final = 2.0
+"""A turn lasts at least this many periods of the first mode: above 1 / (half a turn) its spectrum
+is that of a smooth pulse, which hardly excites anything."""
+
+Count: TypeAlias = Annotated[int, Quantity(1, MOST_PIXELS)]
+PulseLine: TypeAlias = Annotated[int, Quantity(1, 8)]
+
+
+class SpanConfig(ConfigModel):
+    """The part of an axis that is scanned."""
+
+    axis: Name = Field(description="Name of the axis.")
+    from_um: PositionUm = Field(description="Outer edge of the first pixel, µm.")
+    to_um: PositionUm = Field(description="Outer edge of the last pixel, µm.")
+    pixels: Count = Field(description="Number of pixels, lines or planes.")
+
+    @property
+    def pixel_um(self) -> float:
+        """Size of a pixel, in µm, positive."""
+        return abs(self.to_um - self.from_um) / self.pixels
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if abs(self.to_um - self.from_um) < LEAST_SPAN_UM:
+            yield (
+                ("to_um",),
+                f"must differ from from_um by {LEAST_SPAN_UM:g} µm or more (got {self.to_um:g} µm)",
+            )
+
+
+class PulsesConfig(ConfigModel):
+    """Pulses that the device puts out in step with the motion, each on a line of its own."""
+
+    pixel: PulseLine | None = Field(
+        default=None, description="Line that pulses at the lower edge of each pixel, or plane."
+    )
+    line: PulseLine | None = Field(
+        default=None, description="Line that pulses at the first pixel of each sweep."
+    )
+    frame: PulseLine | None = Field(
+        default=None, description="Line that pulses at the first pixel of the frame."
+    )
+
+    @property
+    def highest(self) -> int:
+        """Highest number of a line; 0 without pulses."""
+        return max(self.pixel or 0, self.line or 0, self.frame or 0)
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        used: dict[int, str] = {}
+        for name in ("pixel", "line", "frame"):
+            number = getattr(self, name)
+            if number is None:
+                continue
+            if number in used:
+                yield (name,), f"line {number} is that of {used[number]}: each needs its own"
+            used[number] = name
+
+
+class _Scan(ConfigModel):
+    """What all scans have."""
+
+    title: OneLine = Field(default="", max_length=80, description="Title, for people.")
+    interval_us: IntervalUs = Field(
+        default=50.0, description="Time between two points of the device's table, µs."
+    )
+    passes: Annotated[int, Quantity(0, 20)] = Field(
+        default=4, description="Largest number of corrections of the lines, and of the frame."
+    )
+    pulses: PulsesConfig = Field(default=PulsesConfig(), description="Pulses of the device.")
+
+    @property
+    def interval_ns(self) -> int:
+        """Time between two points of the table, in ns."""
+        return round(1000.0 * self.interval_us)
+
+    @property
+    def spans(self) -> tuple[SpanConfig, ...]:
+        """The scanned axes, the fastest first."""
+        raise NotImplementedError
+
+
+class _Swept(_Scan):
+    """A scan whose lines sweep an axis."""
+
+    fast: SpanConfig = Field(description="Axis that is swept in each line.")
+    sweeps: Literal["forward", "snake", "both"] = Field(
+        default="snake",
+        description="forward: each line is swept forward, with a flyback; snake: every other line "
+        "backward; both: each line forward, then backward.",
+    )
+    lines_per_s: Annotated[float, Quantity(1e-3, 1000, "lines/s")] = Field(
+        description="Lines per second, turns included."
+    )
+    turn_share: Annotated[float, Quantity(0.02, 0.9)] = Field(
+        default=0.2, description="Least share of a sweep's time that is for the turn after it."
+    )
+
+    @property
+    def sweeps_per_line(self) -> int:
+        """Number of sweeps of a line."""
+        return 2 if self.sweeps == "both" else 1
+
+    @property
+    def sweep_s(self) -> float:
+        """Time of a sweep with its turn, in s."""
+        return 1.0 / (self.lines_per_s * self.sweeps_per_line)
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        points = self.sweep_s * (1.0 - self.turn_share) / (1e-6 * self.interval_us)
+        least = 2 if self.pulses.pixel is not None else 1
+        if points < least * self.fast.pixels:
+            slowest = 1e6 * (1.0 - self.turn_share) / self.sweeps_per_line
+            slowest /= least * self.fast.pixels * self.interval_us
+            with_pulses = ", two of which make a pulse" if least == 2 else ""
+            yield (
+                ("lines_per_s",),
+                f"a pixel lasts {points / self.fast.pixels * self.interval_us:.4g} µs (got "
+                f"{self.lines_per_s:g} lines/s), allowed: at least {least * self.interval_us:g} "
+                f"µs, {least} points of the table{with_pulses}; at most {slowest:.4g} lines/s",
+            )
+
+
+class RasterScan(_Swept):
+    """Lines of one axis, and another axis that steps from line to line."""
+
+    kind: Literal["raster"] = "raster"
+    slow: SpanConfig = Field(description="Axis that steps from line to line.")
+
+    @property
+    def spans(self) -> tuple[SpanConfig, ...]:
+        """The scanned axes, the fastest first."""
+        return self.fast, self.slow
+
+    @property
+    def lines(self) -> int:
+        """Number of lines."""
+        return self.slow.pixels
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        yield from super()._broken_rules()
+        if self.fast.axis == self.slow.axis:
+            yield ("slow", "axis"), f"is the fast axis, too (got {self.slow.axis!r})"
+
+
+class LineScan(_Swept):
+    """The same line again and again."""
+
+    kind: Literal["line"] = "line"
+    repeats: Count = Field(description="How often the line is swept.")
+
+    @property
+    def spans(self) -> tuple[SpanConfig, ...]:
+        """The scanned axes, the fastest first."""
+        return (self.fast,)
+
+    @property
+    def lines(self) -> int:
+        """Number of lines."""
+        return self.repeats
+
+
+class StackScan(_Scan):
+    """Planes of one axis, one after the other: a z-stack."""
+
+    kind: Literal["stack"] = "stack"
+    planes: SpanConfig = Field(description="Axis that steps from plane to plane.")
+    plane_s: Annotated[float, Quantity(1e-4, 3600, "s")] = Field(
+        description="Time that a plane is held, s."
+    )
+    move_s: Annotated[float, Quantity(1e-4, 60, "s")] = Field(
+        description="Time to go to the next plane and to settle there, s."
+    )
+
+    @property
+    def spans(self) -> tuple[SpanConfig, ...]:
+        """The scanned axis."""
+        return (self.planes,)
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        least_s = 2e-6 * self.interval_us
+        for key in ("plane_s", "move_s"):
+            value_s = getattr(self, key)
+            if value_s < least_s:
+                yield (
+                    (key,),
+                    f"shorter than two points of the table (got {value_s:g} s), allowed: at least "
+                    f"{least_s:g} s",
+                )
+
+
+ScanConfig: TypeAlias = Annotated[RasterScan | LineScan | StackScan, Field(discriminator="kind")]
+
+
+def broken_scan(
+    scan: RasterScan | LineScan | StackScan, axes: Mapping[str, "AxisConfig"]
+) -> Iterator[BrokenRule]:
+    """Yield what does not fit between a scan and the axes of its file.
+
+    Args:
+        scan: The scan.
+        axes: Axes, by name.
+    """
+    names = (
+        ("fast", "slow")
+        if len(scan.spans) == 2
+        else (("planes",) if isinstance(scan, StackScan) else ("fast",))
+    )
+    for key, span in zip(names, scan.spans, strict=True):
+        axis = axes.get(span.axis)
+        if axis is None:
+            yield (key, "axis"), f"no such axis, {suggest(span.axis, list(axes), 'known')}"
+        elif (allowed := axis.command_range_um) is not None:
+            yield from _outside(key, span, allowed)
+
+
+def _outside(key: str, span: SpanConfig, allowed: tuple[float, float]) -> Iterator[BrokenRule]:
+    margin = 1e-9 * (allowed[1] - allowed[0])
+    for end in ("from_um", "to_um"):
+        value_um = getattr(span, end)
+        if not allowed[0] - margin <= value_um <= allowed[1] + margin:
+            yield (
+                (key, end),
+                f"outside the range of axis {span.axis} (got {value_um:g} µm), allowed range "
+                f"{allowed[0]:g} to {allowed[1]:g} µm",
+            )
+
+
+class _File(ConfigModel):
+    scan: ScanConfig
+
+
+def load_scan(path: Path) -> RasterScan | LineScan | StackScan:
+    """Return the `scan:` of a file: an experiment, or a file with that key alone.
+
+    Raises:
+        ConfigError: If the file cannot be read, or has no valid scan.
+    """
+    document = load_yaml(path)
+    if KEY not in document.data:
+        what = f"there is no `{KEY}:`, which describes lines, a raster or a stack"
+        raise ConfigError(Problem(str(path), 0, 0, "", what))
+    data = {KEY: document.data[KEY]}
+    only = Document(document.file, data, document.values, document.keys)
+    return validate(only, _File, Context(path.parent)).scan

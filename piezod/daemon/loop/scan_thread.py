@@ -1,0 +1,114 @@
+"""A scan on a device: block after block, each loaded, played and stored while the outputs hold."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from piezod.control.guard import Limits
+from piezod.control.stage.playing import PlayOutcome
+from piezod.control.table_guard import TableGuard
+from piezod.daemon.clock import Clock
+from piezod.daemon.loop.device_play import DevicePlay
+from piezod.daemon.paths import SCANNED, SCANNED_ROWS
+from piezod.devices.played_scan import BlockRecord, PlayedScan, ScanBlock
+from piezod.devices.player import AtEnd
+from piezod.devices.scan_table import ScanTable
+from piezod.records.atomic import replacing
+from piezod.units import NS_PER_S
+
+
+class ScanJob(NamedTuple):
+    """One scan: who plays what, within which limits."""
+
+    scan: PlayedScan
+    table: ScanTable
+    guards: Sequence[tuple[Limits, float]]  #: Limits of each axis, and its voltage at rest in V.
+    near_v: Sequence[float]  #: How far an output may be from the first point, in V.
+    zero_um: Sequence[float]  #: Zero of the sensor of each axis, in µm.
+
+
+class ScanStore:
+    """The record of the last scan: its state, and its samples as rows of float32.
+
+    Args:
+        folder: Folder of both files.
+        number: Number of the play.
+        table: The table.
+        inputs: Names of the inputs beside.
+    """
+
+    def __init__(
+        self, folder: Path, number: int, table: ScanTable, inputs: tuple[str, ...]
+    ) -> None:
+        self._file, self._rows = folder / SCANNED, folder / SCANNED_ROWS
+        self._document = {
+            "number": number,
+            "axes": table.axes,
+            "inputs": inputs,
+            "interval_s": table.interval_ns / NS_PER_S,
+            "points": table.points,
+            "sweeps": table.sweeps,
+        }
+
+    def begin(self) -> None:
+        """Forget the record before."""
+        self._rows.write_bytes(b"")
+        self.note(0, ended=False)
+
+    def add(self, record: BlockRecord, zero_um: Sequence[float]) -> None:
+        """Add the samples of a block."""
+        position_um = record.position_um - np.array(zero_um)
+        rows = np.concatenate((position_um, record.detected), axis=1)
+        with self._rows.open("ab") as file:
+            file.write(rows.astype("<f4").tobytes())
+
+    def note(self, done: int, *, ended: bool, failed: str = "") -> None:
+        """Write how many sweeps are stored, whether the scan has ended, and why it failed."""
+        document = {**self._document, "done": done, "ended": ended, "failed": failed}
+        with replacing(self._file) as temporary:
+            temporary.write_text(json.dumps(document), encoding="utf-8")
+
+
+class ScanThread(DevicePlay):
+    """Plays one scan."""
+
+    def __init__(
+        self, job: ScanJob, store: ScanStore, idle: Callable[[], bool], clock: Clock
+    ) -> None:
+        super().__init__(job.scan.axes, job.table.first_v.tolist(), job.near_v, idle, clock)
+        self._job, self._store, self._done = job, store, 0
+        able = job.scan.capabilities
+        self._holds = able.at_end is AtEnd.HOLDS
+        self._guards = [
+            TableGuard(limits, rest_v, able.at_end, able.cycles) for limits, rest_v in job.guards
+        ]
+
+    def _failed(self, why: str) -> None:
+        self._store.note(self._done, ended=True, failed=why)
+
+    def _play(self) -> PlayOutcome:
+        self._store.begin()
+        for block in self._job.scan.blocks(self._job.table):
+            self._play_block(block)
+        self._store.note(self._done, ended=True)
+        return PlayOutcome(self._resting_v, commanded=True)
+
+    def _play_block(self, block: ScanBlock) -> None:
+        scan, table = self._job.scan, self._job.table
+        columns, first_v = scan.columns(table, block), self._resting_v
+        for guard, column, in_force_v in zip(self._guards, columns, first_v, strict=True):
+            guard.check(column, in_force_v)
+        end_v = scan.load(table, block, self._now_ns(), self._check)
+        self._check()
+        scan.player.arm()
+        self._start(first_v)
+        if self._wait(columns[0].duration_ns):
+            self._resting_v = tuple(end_v.tolist()) if self._holds else self._unknown
+        self._check()
+        record = scan.recording(block, columns[0].lead_in_v.size, self._check)
+        self._store.add(record, self._job.zero_um)
+        self._done = block.end // table.points
+        self._store.note(self._done, ended=False)

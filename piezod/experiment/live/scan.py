@@ -1,0 +1,144 @@
+"""A scan on a running stage, whose device plays it by its own clock."""
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+
+import numpy as np
+
+from piezod.client import StageClient
+from piezod.config.scan import broken_scan
+from piezod.errors import DataError
+from piezod.experiment.live.play import REST_S, measured_axis
+from piezod.experiment.live.running_axis import playing_axis
+from piezod.experiment.live.setup import LiveSetup, read_setup
+from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.play.axis import PlayingAxis
+from piezod.experiment.scan.pixels import SweepSamples
+from piezod.experiment.scan.plan import AnyScan, plan_scan
+from piezod.experiment.scan.run import (
+    ScanResult,
+    ScanSetting,
+    Told,
+    planned_axis,
+    run_scan,
+    with_measured_mode,
+)
+from piezod.experiment.scan.stage import ScanTable
+from piezod.messages.documents import Document
+from piezod.units import NS_PER_S
+
+_DECIMALS = 5
+"""Digits of a voltage behind the point: 10 µV."""
+
+
+class RunningScanStage:
+    """Implements `ScanStage` for axes of a running stage.
+
+    Args:
+        stage: The stage, armed and at rest.
+        axes: Its axes, by name.
+    """
+
+    def __init__(self, stage: LiveStage, axes: Mapping[str, PlayingAxis]) -> None:
+        self._stage, self._axes = stage, axes
+
+    def rest(self) -> None:
+        """Bring all axes to rest."""
+        self._stage.pause(REST_S)
+
+    def scan(self, table: ScanTable) -> Iterator[SweepSamples]:
+        """Play a scan, which the daemon checks; yield the samples of each sweep."""
+        zero_um = np.array([self._axes[name].stage.zero_um for name in table.axes])
+        for document in self._stage.scan(**_request(table)):
+            samples, first = document["samples"], document["first"]
+            position_um, detected = (
+                np.array([samples[name] for name in document[kind]], dtype=np.float64)
+                for kind in ("axes", "inputs")
+            )
+            for i in range(position_um.shape[1] // table.points):
+                part = slice(i * table.points, (i + 1) * table.points)
+                measured = position_um[:, part].T
+                yield SweepSamples(
+                    first + i,
+                    (first + i) * table.points * table.interval_ns,
+                    measured - zero_um,
+                    np.full(measured.shape, np.nan),
+                    detected[:, part].T if detected.size else np.empty((table.points, 0)),
+                )
+
+
+def _request(table: ScanTable) -> Document:
+    """Return the fields of the request of a scan."""
+    curves = {
+        name: {
+            "lead_in_v": np.round(table.lead_in_v[:, i], _DECIMALS).tolist(),
+            "line_v": np.round(table.line_v[:, i], _DECIMALS).tolist(),
+            "offset_v": np.round(table.offset_v[:, i], _DECIMALS).tolist(),
+            "scale": np.round(table.scale[:, i], 7).tolist(),
+            "blend": np.round(table.blend[:, i], 7).tolist(),
+        }
+        for i, name in enumerate(table.axes)
+    }
+    return {
+        "axes": curves,
+        "interval_s": table.interval_ns / NS_PER_S,
+        "pulses": table.pulses.tolist(),
+        "frame_pulse": table.framed,
+        "frame_points": table.frame_points,
+        "pause": table.pause,
+    }
+
+
+def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: Told) -> ScanResult:
+    """Run a scan on a running stage, and disarm it at the end.
+
+    Args:
+        client: A connection to the daemon of the stage.
+        scan: The scan.
+        setting: How it is run.
+        told: Who is told what.
+
+    Raises:
+        ClientError: If a request is refused, or the stage leaves the expected states.
+        ConfigError: If a table file is not valid.
+        DataError: If the scan does not fit the stage, before anything moves; or if a record cannot
+            be used.
+        ModelError: If a model in use is not valid.
+        OSError: If the file cannot be written.
+    """
+    setup = read_setup(client)
+    _check(scan, setup)
+    names = [span.axis for span in scan.spans]
+    planned = {name: planned_axis(setup.axes[name].config, setup.model_of(name)) for name in names}
+    plan_scan(scan, planned)
+    inputs = tuple(
+        dict.fromkeys(
+            beside
+            for name in names
+            if (sensor := setup.axes[name].config.sensor) is not None
+            for beside in sensor.beside
+        )
+    )
+    with LiveStage(client, setup, lambda _over_s: None) as stage:
+        stage.arm_at_rest(REST_S)
+        make = partial(playing_axis, stage, setup, interval_ns=scan.interval_ns, rest_s=REST_S)
+        axes = {name: make(name) for name in names}
+        known = {name: measured_axis(axis) for name, axis in axes.items()}
+        plan = plan_scan(
+            scan, {name: with_measured_mode(planned[name], known[name]) for name in names}
+        )
+        on = RunningScanStage(stage, axes)
+        result = run_scan(scan, plan, axes, known, on, inputs, setting, told)
+        stage.disarm()
+    return result
+
+
+def _check(scan: AnyScan, setup: LiveSetup) -> None:
+    """Refuse a scan that does not fit the stage; the text has a line for each problem."""
+    axes = {name: axis.config for name, axis in setup.axes.items()}
+    problems = [f"{'.'.join(map(str, path))}: {what}" for path, what in broken_scan(scan, axes)]
+    if problems:
+        raise DataError("\n".join(f"stage {setup.stage}: {problem}" for problem in problems))
+    for span in scan.spans:
+        setup.measured_axis(span.axis, "a scan")
+        setup.model_of(span.axis)
