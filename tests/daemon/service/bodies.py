@@ -26,6 +26,19 @@ BODIES: Final[dict[str, Any]] = {
     "mode": {"mode": "adaptive"},
     "goto": {"position_um": 12.5},
     "wave": {"command_um": {"x": WAVE}, "duration_s": 1.0},
+    "path": {"points": [{"x": 1.0}]},
+    "scan": {
+        "axes": {
+            "x": {
+                "lead_in_v": [0.0, 0.5],
+                "line_v": [1.0, 2.0],
+                "offset_v": [0.0],
+                "scale": [1.0],
+                "blend": [0.0, 1.0],
+            }
+        },
+        "interval_s": 1e-3,
+    },
     "play": {"drive_v": [1.0, 2.0], "interval_s": 1e-3, "cycles": 2},
     "identify": {"drive_v": {"x": WAVE}, "duration_s": 1.0},
     "model": {"model": MODEL},

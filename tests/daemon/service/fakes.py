@@ -65,6 +65,7 @@ class FakeStage(RunningStage):
     """Accepts everything, unless a test sets a refusal."""
 
     axes: Sequence[str] = ("x", "y")
+    places: Mapping[str, int] = {"x": 0, "y": 1}
     recordings_folder = Path()
 
     def __init__(self, folder: Path) -> None:
@@ -178,6 +179,9 @@ class FakeStage(RunningStage):
 
     async def played(self) -> Document:
         return {"number": 3, "position_um": [1.0, None]}
+
+    async def scanned(self, first: int) -> Document:
+        return {"number": 3, "first": first}
 
     async def audit_log(self, limit: int) -> Audit:
         newest = self.audited[::-1][:limit]
