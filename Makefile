@@ -6,7 +6,7 @@ DEMO := build/demo
 HOURS := 24
 STARTED := $(shell date +%s)
 # More workers than the fewest cores: many tests wait for a device or a daemon most of the time.
-WORKERS := --numprocesses 4 --dist worksteal
+WORKERS := --numprocesses 3 --dist worksteal
 
 # Where it is set, each of the processes that tests start compiles anew whatever it imports.
 unexport PYTHONDONTWRITEBYTECODE

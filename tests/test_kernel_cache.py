@@ -87,7 +87,7 @@ def test_first_call_says_that_it_compiles_and_the_second_nothing(folder: Folder)
     assert folder.call() == ("3.0\n", "")
 
 
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("suffix", [pytest.param(".nbi", marks=pytest.mark.stress), ".nbc"])
 def test_damaged_file_is_a_miss(folder: Folder, suffix: str) -> None:
     """A damaged file of the cache is named once, and replaced."""
     folder.call()
@@ -123,6 +123,7 @@ def test_cache_of_another_version_is_silently_replaced(folder: Folder) -> None:
     assert (output, str(folder.cache) in told) == ("3.0\n", False)
 
 
+@pytest.mark.stress
 def test_write_that_ended_between_its_two_files_does_not_matter(folder: Folder) -> None:
     """An index that is newer than the machine code that it names leads to no old machine code."""
     folder.call()

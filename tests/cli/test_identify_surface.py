@@ -161,7 +161,11 @@ def test_delay_that_no_file_holds_is_refused(piezod: Command, data: Path, delay:
 @pytest.mark.parametrize(
     ("record", "text"),
     [
-        (partial(ringing_record, duration_s=1.0), r"Taken: surface(?!.* it has no first mode)"),
+        pytest.param(
+            partial(ringing_record, duration_s=1.0),
+            r"Taken: surface(?!.* it has no first mode)",
+            marks=pytest.mark.stress,
+        ),
         (
             partial(surface_record, noise=0.0005, duration_s=15.0),
             r"it has no first mode, because the record shows none that makes its errors on "

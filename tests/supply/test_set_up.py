@@ -86,6 +86,7 @@ def test_newer_releases_are_not_taken(index: Path) -> None:
     assert {"tool==1.0", "part==1.0", "speed==1.0"} <= set(done.stdout.split())
 
 
+@pytest.mark.stress
 def test_lock_that_is_not_whole_is_refused(index: Path) -> None:
     """What a lock file lacks is named, and not fetched."""
     done = set_up(index, lock(index, "tool"))

@@ -86,6 +86,7 @@ def test_creep_before_the_record_is_that_of_its_first_position() -> None:
         assert errors["voltage_error_rms_pct"] < 0.03
 
 
+@pytest.mark.stress
 def test_band_is_the_scatter_of_the_predicted_voltage() -> None:
     """The band follows from one record; the scatter over records with other noise agrees."""
     fits = [
