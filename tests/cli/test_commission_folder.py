@@ -12,7 +12,7 @@ from tests.cli.conftest import Command
 SHIPPED = Path(__file__).parents[2] / "config" / "simulated.yaml"
 
 
-@pytest.mark.parametrize("out", [(), ("--out", "mine")])
+@pytest.mark.parametrize("out", [(), pytest.param(("--out", "mine"), marks=pytest.mark.stress)])
 def test_commission_replaces_nothing(
     piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch, out: tuple[str, ...]
 ) -> None:

@@ -44,6 +44,7 @@ def test_model_file_of_a_surface(piezod: Command, data: Path, folder: Path) -> N
     assert (folder / "model.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.stress
 @pytest.mark.usefixtures("fitted_once")
 def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     """A stage whose loops widen with the rate has its lag in the text and in the document."""
@@ -58,6 +59,7 @@ def test_lag_with_the_rate_is_shown(piezod: Command, folder: Path) -> None:
     assert shown in " ".join(text.split())
 
 
+@pytest.mark.stress
 @pytest.mark.usefixtures("fitted_once")
 def test_relaxation_along_the_path_is_shown_and_kept(piezod: Command, folder: Path) -> None:
     """A stage whose loops do not close has it in the text, in the document and in the file."""

@@ -292,6 +292,7 @@ def test_identify_says_how_to_keep_the_model(
     assert (folder / "rig-record.csv").is_file()
 
 
+@pytest.mark.stress
 @pytest.mark.usefixtures("made_up_record")
 def test_a_surface_is_adopted(
     piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path

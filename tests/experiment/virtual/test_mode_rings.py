@@ -23,8 +23,6 @@ RATES_HZ = (100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0, 20_000.0)
 CLASSES = ("surface", "stops")
 PROMPT = "prompt"
 """A stage beside the variants, on which learning at full pace does ring."""
-FAST = {("light-damping", 2000.0, "surface")}
-"""Tested by `make test`, too; with stops see `test_stage_mode_rings.py`."""
 _FULL = {"kind": "sine", "low": 0, "high": 140}
 RECORD = {
     "settle_s": 1.0,
@@ -172,7 +170,6 @@ def pace_margin(stage: Identified, patch: pytest.MonkeyPatch, *, whole: bool) ->
 PAIRS = [
     pytest.param(
         *(variant, rate_hz, kind),
-        marks=() if (variant, rate_hz, kind) in FAST else pytest.mark.stress,
         id=f"{variant}-{rate_hz:g} Hz-{kind}",
     )
     for variant in (*VARIANTS, PROMPT)
@@ -181,6 +178,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.stress  # `make test` has test_response_rings.py and test_stage_mode_rings.py
 @pytest.mark.parametrize(("variant", "rate_hz", "kind"), PAIRS)
 def test_learning_does_not_ring_a_mode(
     variant: str,
