@@ -3,6 +3,8 @@
 import sys
 from subprocess import run
 
+import pytest
+
 _WITHOUT = """
 import sys
 sys.modules["matplotlib"] = None  # as if it were not installed
@@ -27,9 +29,10 @@ def output_of(code: str) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-def test_without_figures_a_command_that_draws_names_the_extra() -> None:
-    """In one line; all others work."""
-    code, out, err = output_of(_WITHOUT.format(words=["plot", __file__]))
+@pytest.mark.parametrize("words", [["plot", __file__], ["commission", "stage.yaml", "--yes"]])
+def test_without_figures_a_command_that_draws_names_the_extra(words: list[str]) -> None:
+    """In one line, before anything is driven; all others work."""
+    code, out, err = output_of(_WITHOUT.format(words=words))
 
     assert (code, out) == (1, "")
     assert "piezod[figures]" in err

@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from piezod.commission.procedure import Findings
 from piezod.commission.session_trace import SessionTrace
-from piezod.records.figures.style import DRIVE, LOOP, POSITION, house_style, new_figure
+from piezod.records.figures.style import DRIVE, LOOP, POSITION, Figure, house_style, new_figure
 from piezod.records.report_figures import ReportFigure
 
 _WIDTH_IN, _HEIGHT_IN = 9.0, 3.6

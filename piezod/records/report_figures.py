@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from itertools import chain, count
 from typing import NamedTuple, Self
 
-from matplotlib.figure import Figure
-
 from piezod.records.experiment_result import ExperimentResult, Identification, Recording
 from piezod.records.figures import (
     case_figure,
@@ -21,6 +19,7 @@ from piezod.records.figures import (
     remaining_figure,
 )
 from piezod.records.figures.published import compared_errors
+from piezod.records.figures.style import Figure
 from piezod.records.labels import metric_text
 from piezod.records.reference import Reference
 

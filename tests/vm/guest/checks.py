@@ -45,7 +45,6 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("iio: a stage drives at 20 Hz", iio.stage_drives),
         ("iio: the chip is removed and comes back", iio.chip_is_removed),
         ("iio: a stop ends at 0 V", iio.stop_leaves_rest),
-        ("iio: the stage behind the chips is commissioned", iio.model_is_identified),
         ("the unit of the page serves it", others.page_is_served),
         ("the unit of the IOC serves the stages", others.ioc_serves),
         ("uninstall is refused while something runs", others.uninstall_is_refused),

@@ -5,7 +5,6 @@ position into that of the ADC.
 """
 
 import fcntl
-import json
 import os
 import time
 from ctypes import POINTER, Structure, c_uint8, c_uint16, c_uint32, pointer
@@ -17,7 +16,7 @@ from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
 from tests.vm.guest import shell
 from tests.vm.guest.buses import driven, faulted, recovered
-from tests.vm.guest.shell import PIEZOD, CheckError, need, run, wait_until
+from tests.vm.guest.shell import CheckError, need, run, wait_until
 from tests.vm.guest.stage import Stage
 
 DAC, ADC = 0x10, 0x48
@@ -215,18 +214,8 @@ def chip_is_removed() -> str:
 def stop_leaves_rest() -> str:
     """`systemctl stop` ramps to 0 V, which stays in the register."""
     STAGE.stop()
+    DROP_IN.unlink()
+    DROP_IN.parent.rmdir()
     found_v = Bus().drive_v()
     need(found_v == 0.0, f"the output is {found_v} V")
     return f"{found_v} V"
-
-
-def model_is_identified() -> str:
-    """`piezod commission` measures the stage behind the chips, and `piezod identify` fits it."""
-    config, out = f"/etc/piezod/{STAGE.name}.yaml", Path("/root/commissioned")
-    said = run(f"{PIEZOD} commission {config} --yes --json --out {out}", 1800.0)
-    rows = {row["name"]: f"{row['value']} {row['unit']}" for row in json.loads(said)["found"]}
-    travel_um = float(rows["travel"].split()[0])
-    need(travel_um > 20, f"the travel is {travel_um} µm")
-    fit = f"{PIEZOD} identify {out}/travel.csv --method least-squares --out {out}/model.yaml"
-    verdict = run(fit, 1800.0).splitlines()[0]
-    return f"{rows}; {verdict}"
