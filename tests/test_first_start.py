@@ -29,7 +29,7 @@ def output_of(code: str) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("words", [["plot", __file__], ["commission", "stage.yaml", "--yes"]])
+@pytest.mark.parametrize("words", [["plot", __file__], ["commission", __file__, "--yes"]])
 def test_without_figures_a_command_that_draws_names_the_extra(words: list[str]) -> None:
     """In one line, before anything is driven; all others work."""
     code, out, err = output_of(_WITHOUT.format(words=words))
