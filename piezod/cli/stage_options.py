@@ -1,6 +1,6 @@
 """The choice of the stage, and other parts that verbs for a running stage share."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -83,3 +83,19 @@ def connect(stage: str | None, socket: Path | None) -> StageClient:
 def print_answer(answer: Message, text: str, *, json: bool) -> None:
     """Print the answer to a request, or in place of it a text for people."""
     print_one(answer.document, text, json=json)
+
+
+def check_live(*, live: bool, seed: int | None, only_live: Mapping[str, object]) -> None:
+    """Refuse options that exclude each other.
+
+    Args:
+        live: Whether a running stage is used.
+        seed: The seed; None if it was not given.
+        only_live: Options that need one, by name; false if not given.
+    """
+    if live and seed is not None:
+        message = "not with --live: a running stage has its own seed"
+        raise typer.BadParameter(message, param_hint="'--seed'")
+    if not live and any(only_live.values()):
+        *names, last = only_live
+        raise typer.BadParameter(f"{', '.join(names)} and {last} need --live")

@@ -4,23 +4,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
-import yaml
-from pydantic import BeforeValidator, Field, ValidationInfo
+from pydantic import Field
 
 from piezod.config.fields import (
     BrokenRule,
     ConfigModel,
     Context,
     Quantity,
-    broken_rule,
-    context_of,
 )
-from piezod.config.files import existing_file
+from piezod.config.loaded_file import dump, loads
 from piezod.config.model_file import Text
 from piezod.config.quantities import Name
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
-from piezod.errors import ConfigError
 
 Row: TypeAlias = dict[Name, Annotated[float, Quantity(-1e6, 1e6)]]
 MOST_SHARE: Final = 0.5
@@ -60,20 +56,8 @@ def load_coupling(path: Path) -> CouplingFile:
 
 def dump_coupling(coupling: CouplingFile) -> str:
     """Write a coupling as the text of a coupling file; `load_coupling` gives it back."""
-    document = coupling.model_dump(mode="json")
-    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
-    return "# How far the axes of a stage move each other, for piezod.\n" + str(text)
+    return dump(coupling, "How far the axes of a stage move each other, for piezod.")
 
 
-def _loaded(value: object, info: ValidationInfo) -> object:
-    """Return the contents of a file; a mapping is the contents already."""
-    if isinstance(value, dict | CouplingFile):
-        return value
-    try:
-        return load_coupling(existing_file(value, context_of(info)))
-    except ConfigError as error:
-        raise broken_rule(str(error.problems[0])) from error  # with file and line
-
-
-LoadedCoupling: TypeAlias = Annotated[CouplingFile, BeforeValidator(_loaded)]
+LoadedCoupling: TypeAlias = Annotated[CouplingFile, loads(CouplingFile, load_coupling)]
 """A coupling file, loaded when the configuration is: a copy of the configuration contains it."""

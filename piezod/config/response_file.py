@@ -5,18 +5,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
-import yaml
-from pydantic import BeforeValidator, Field, ValidationInfo
+from pydantic import Field
 
 from piezod.config.fields import (
     BrokenRule,
     ConfigModel,
     Context,
     Quantity,
-    broken_rule,
-    context_of,
 )
-from piezod.config.files import existing_file
+from piezod.config.loaded_file import dump, loads
 from piezod.config.model_file import SourceConfig, Text
 from piezod.config.quantities import DriveV, Fraction
 from piezod.config.validate import validate
@@ -136,20 +133,8 @@ def load_response(path: Path) -> ResponseFile:
 
 def dump_response(response: ResponseFile) -> str:
     """Write a response as the text of a response file; `load_response` gives it back."""
-    document = response.model_dump(mode="json", exclude_none=True)
-    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
-    return "# Frequency response of an axis for piezod.\n" + str(text)
+    return dump(response, "Frequency response of an axis for piezod.", exclude_none=True)
 
 
-def _loaded(value: object, info: ValidationInfo) -> object:
-    """Return the contents of a file; a mapping is the contents already."""
-    if isinstance(value, dict | ResponseFile):
-        return value
-    try:
-        return load_response(existing_file(value, context_of(info)))
-    except ConfigError as error:
-        raise broken_rule(str(error.problems[0])) from error  # with file and line
-
-
-LoadedResponse: TypeAlias = Annotated[ResponseFile, BeforeValidator(_loaded)]
+LoadedResponse: TypeAlias = Annotated[ResponseFile, loads(ResponseFile, load_response)]
 """A response file, loaded when the configuration is: a copy of the configuration contains it."""

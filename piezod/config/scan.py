@@ -1,5 +1,6 @@
 """What a scan is: lines that sweep an axis, a raster of them, or a stack of planes."""
 
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
@@ -98,9 +99,9 @@ class _Scan(ConfigModel):
         return round(1000.0 * self.interval_us)
 
     @property
+    @abstractmethod
     def spans(self) -> tuple[SpanConfig, ...]:
         """The scanned axes, the fastest first."""
-        raise NotImplementedError
 
 
 class _Swept(_Scan):

@@ -7,7 +7,7 @@ import typer
 
 from piezod.cli.options import JsonOption, VectorOption
 from piezod.cli.paths import existing_file
-from piezod.cli.stage_options import SocketOption, StageOption, connect
+from piezod.cli.stage_options import SocketOption, StageOption, check_live, connect
 
 FileArgument: TypeAlias = Annotated[
     Path,
@@ -79,18 +79,10 @@ def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
     Prints the errors of each case in each mode in % of the displacement range, the origin of the
     model, the warnings, and the path of the report.
     """
-    _check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
+    needs_live = {"--stage": stage, "--socket": socket, "--largest-step-pct": largest_step_pct}
+    check_live(live=live, seed=seed, only_live=needs_live)
     # numba, scipy and matplotlib take long to import.
     from piezod.cli.experiment.run import Choices, run
 
     on = (lambda: connect(stage, socket)) if live else None
     run(file, out, Choices(seed, largest_step_pct, tables, on, vector), json=json)
-
-
-def _check_usage(*, live: bool, seed: int | None, only_live: tuple[object, ...]) -> None:
-    """Refuse options that exclude each other; `only_live` are false if not given."""
-    if live and seed is not None:
-        message = "not with --live: a running stage has its own seed"
-        raise typer.BadParameter(message, param_hint="'--seed'")
-    if not live and any(only_live):
-        raise typer.BadParameter("--stage, --socket and --largest-step-pct need --live")

@@ -8,7 +8,7 @@ import typer
 from piezod.cli.experiment.experiment import SeedOption
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import existing_file
-from piezod.cli.stage_options import SocketOption, StageOption, connect
+from piezod.cli.stage_options import SocketOption, StageOption, check_live, connect
 
 _FileArgument: TypeAlias = Annotated[
     Path,
@@ -59,11 +59,7 @@ def scan(  # noqa: PLR0913, PLR0917 - each argument is an option
     it. Prints the errors of each frame in pixels, in the middle 80 % of the lines. With --live the
     stage is disarmed at the end.
     """
-    if live and seed is not None:
-        message = "not with --live: a running stage has its own seed"
-        raise typer.BadParameter(message, param_hint="'--seed'")
-    if not live and (stage or socket):
-        raise typer.BadParameter("--stage and --socket need --live")
+    check_live(live=live, seed=seed, only_live={"--stage": stage, "--socket": socket})
     # numba, scipy and h5py take long to import.
     from piezod.cli.experiment.scan_run import run
 
