@@ -39,11 +39,6 @@ class SpanConfig(ConfigModel):
     to_um: PositionUm = Field(description="Outer edge of the last pixel, µm.")
     pixels: Count = Field(description="Number of pixels, lines or planes.")
 
-    @property
-    def pixel_um(self) -> float:
-        """Size of a pixel, in µm, positive."""
-        return abs(self.to_um - self.from_um) / self.pixels
-
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if abs(self.to_um - self.from_um) < LEAST_SPAN_UM:
             yield (

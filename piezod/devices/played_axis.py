@@ -127,23 +127,7 @@ class PlayedAxis:
             DeviceError: If the device refuses it, or does not know the voltage of an output that
                 is to stay.
         """
-        others = list(self.device.read_back(now_ns))
-        others[self.output] = 0.0  # replaced by the table
-        if not all(map(isfinite, others)):
-            raise DeviceError("the device does not know the voltage of another output: write one")
-        loaded = self.device.load(
-            Table(
-                table.interval_ns,
-                self._columns(table.lead_in_v, others),
-                self._columns(table.period_v, others),
-                table.cycles,
-            ),
-            check,
-        )
-        echoed = table._replace(
-            lead_in_v=self.voltages_of(loaded.lead_in), period_v=self.voltages_of(loaded.period)
-        )
-        self.compare(table, echoed)
+        (echoed,) = load_together([self], [table], None, now_ns, check)
         return echoed
 
     def compare(self, table: AxisTable, loaded: AxisTable) -> None:
@@ -179,11 +163,6 @@ class PlayedAxis:
         position_um = self.displacements_of(record.positions)
         return AxisPlayRecord(record.interval_ns, position_um, true_um, record.first_point)
 
-    def _columns(self, drive_v: FloatArray, others: Sequence[float]) -> FloatArray:
-        columns = np.tile(np.array(others, dtype=np.float64), (drive_v.size, 1))
-        columns[:, self.output] = self.values_of(drive_v)
-        return columns
-
     def values_of(self, drive_v: FloatArray) -> FloatArray:
         """Return the values of its output for voltages, shape (n,)."""
         values = map(self._to_v.value, drive_v.tolist())
@@ -204,3 +183,48 @@ class PlayedAxis:
             if sample.valid:
                 displacements[k] = sample.position_um
         return displacements
+
+
+def load_together(
+    axes: Sequence[PlayedAxis],
+    tables: Sequence[AxisTable],
+    pulses: npt.NDArray[np.uint8] | None,
+    now_ns: int,
+    check: Check = go_on,
+) -> list[AxisTable]:
+    """Load the tables of axes of one device; return them as the device will play them.
+
+    Args:
+        axes: The axes.
+        tables: Table of each axis, all with as many points, the same interval and cycles.
+        pulses: As in a table of the device.
+        now_ns: The present instant, in ns.
+        check: Called between exchanges.
+
+    Raises:
+        DeviceError: If the device refuses them, or does not know the voltage of an output that is
+            to stay.
+    """
+    device, first = axes[0].device, tables[0]
+    others = list(device.read_back(now_ns))
+    for axis in axes:
+        others[axis.output] = 0.0  # replaced by the table
+    if not all(map(isfinite, others)):
+        raise DeviceError("the device does not know the voltage of another output: write one")
+    lead_in, period = (
+        np.tile(np.array(others, dtype=np.float64), (size, 1))
+        for size in (first.lead_in_v.size, first.period_v.size)
+    )
+    for axis, table in zip(axes, tables, strict=True):
+        lead_in[:, axis.output] = axis.values_of(table.lead_in_v)
+        period[:, axis.output] = axis.values_of(table.period_v)
+    loaded = device.load(Table(first.interval_ns, lead_in, period, first.cycles, pulses), check)
+    echoed = [
+        table._replace(
+            lead_in_v=axis.voltages_of(loaded.lead_in), period_v=axis.voltages_of(loaded.period)
+        )
+        for axis, table in zip(axes, tables, strict=True)
+    ]
+    for axis, table, echo in zip(axes, tables, echoed, strict=True):
+        axis.compare(table, echo)
+    return echoed

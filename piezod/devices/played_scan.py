@@ -1,20 +1,18 @@
 """Several axes of one device that play a scan: its table in blocks that fit into the device."""
 
-from collections.abc import Iterator, Mapping
-from math import isfinite
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from piezod.devices.played_axis import AxisTable, PlayedAxis
+from piezod.devices.played_axis import AxisTable, PlayedAxis, load_together
 from piezod.devices.player import (
     AtEnd,
     Check,
     KnowsTruePlay,
     Player,
     PlayerCapabilities,
-    Table,
     go_on,
 )
 from piezod.devices.scan_table import ScanTable
@@ -147,40 +145,29 @@ class PlayedScan:
         ]
 
     def load(
-        self, table: ScanTable, block: ScanBlock, now_ns: int, check: Check = go_on
+        self,
+        table: ScanTable,
+        block: ScanBlock,
+        columns: Sequence[AxisTable],
+        now_ns: int,
+        check: Check = go_on,
     ) -> FloatArray:
         """Load a block; return the last voltage of each axis, shape (axes,), in V.
+
+        Args:
+            table: The scan.
+            block: The block.
+            columns: Its `columns`, which the guard has seen.
+            now_ns: The present instant, in ns.
+            check: Called between exchanges.
 
         Raises:
             DeviceError: If the device refuses it, or does not know the voltage of an output that
                 is to stay.
         """
-        device = self.axes[0].device
-        others = list(device.read_back(now_ns))
-        for axis in self.axes:
-            others[axis.output] = 0.0  # replaced by the table
-        if not all(map(isfinite, others)):
-            raise DeviceError("the device does not know the voltage of another output: write one")
-        asked = self.columns(table, block)
-        lead_in, period = (
-            np.tile(np.array(others), (size, 1))
-            for size in (asked[0].lead_in_v.size, asked[0].period_v.size)
-        )
-        for axis, column in zip(self.axes, asked, strict=True):
-            lead_in[:, axis.output] = axis.values_of(column.lead_in_v)
-            period[:, axis.output] = axis.values_of(column.period_v)
         masks = table.masks(block.first, block.end)
-        loaded = device.load(
-            Table(table.interval_ns, lead_in, period, 1, masks if masks.size else None), check
-        )
-        echoed = [
-            column._replace(
-                lead_in_v=axis.voltages_of(loaded.lead_in), period_v=axis.voltages_of(loaded.period)
-            )
-            for axis, column in zip(self.axes, asked, strict=True)
-        ]
-        for axis, column, echo in zip(self.axes, asked, echoed, strict=True):
-            axis.compare(column, echo)
+        pulses = masks if masks.size else None
+        echoed = load_together(self.axes, columns, pulses, now_ns, check)
         return np.array([echo.period_v[-1] for echo in echoed])
 
     def recording(self, block: ScanBlock, lead_in: int, check: Check = go_on) -> BlockRecord:

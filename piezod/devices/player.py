@@ -92,9 +92,14 @@ class Table(NamedTuple):
     pulses: Mask | None = None
 
     @property
+    def n_points(self) -> int:
+        """Number of points of the whole play."""
+        return len(self.lead_in) + len(self.period) * self.cycles
+
+    @property
     def duration_ns(self) -> int:
         """Duration of the whole play, in ns."""
-        return (len(self.lead_in) + len(self.period) * self.cycles) * self.interval_ns
+        return self.n_points * self.interval_ns
 
 
 class PlayState(Enum):

@@ -47,11 +47,6 @@ class ScanTable(NamedTuple):
         return np.asarray(first)
 
     @property
-    def duration_ns(self) -> int:
-        """Duration of the scan without pauses between its blocks, in ns."""
-        return (len(self.lead_in_v) + self.sweeps * self.points) * self.interval_ns
-
-    @property
     def n_rows(self) -> int:
         """Number of points of all sweeps."""
         return self.sweeps * self.points

@@ -85,7 +85,7 @@ def play(bench: PlayBench, scan: PlayedScan, table: ScanTable) -> np.ndarray:
     assert not scan.misfit(table)
     found = []
     for block in scan.blocks(table):
-        scan.load(table, block, bench.time.t_ns)
+        scan.load(table, block, scan.columns(table, block), bench.time.t_ns)
         scan.player.arm()
         scan.player.start(bench.time.t_ns)
         assert bench.progress_to_end().state is PlayState.ENDED
@@ -157,7 +157,7 @@ def test_lines_are_low_after_a_stop() -> None:
     bench, scan = opened(T7)
     table = snake(T7.top, lines=6)
     (block,) = scan.blocks(table)
-    scan.load(table, block, bench.time.t_ns)
+    scan.load(table, block, scan.columns(table, block), bench.time.t_ns)
     scan.player.arm()
     scan.player.start(bench.time.t_ns)
     bench.wait(50 * table.interval_ns + PER_PIXEL // 4 * table.interval_ns)

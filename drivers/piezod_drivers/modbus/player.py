@@ -130,13 +130,14 @@ class LabJackPlayer:
 
         if self.setup.is_active():
             raise DeviceError("a stream of another program is running: stop it")
+        words, mask = stream_arrays.words_of(table)
+        if words:
+            self._require_time(table.interval_ns)
         columns = stream_arrays.columns_of(table)
         for i, (address, values) in enumerate(zip(self._outputs, columns, strict=True)):
             self.setup.load(i, address, values, len(table.period), check)
-        words, mask = stream_arrays.words_of(table)
         self._requests.pulse(mask)
         if words:
-            self._require_time(table.interval_ns)
             self.setup.make_outputs(mask)
             out, n_looped = len(self._outputs), len(table.period)
             self.setup.load(out, registers.DIO_STATE, words, n_looped, check, words=True)
@@ -155,7 +156,7 @@ class LabJackPlayer:
         self._before_v = [self.setup.number(address, "float32") for address in self._inputs]
         n_outs = len(self._outputs) + self._pulses
         outs = [registers.OUT_IN_SCAN + i for i in range(n_outs)]
-        n_scans = len(table.lead_in) + len(table.period) * table.cycles
+        n_scans = table.n_points
         channels = [*self._inputs, *outs]
         self.setup.configure(table.interval_ns, channels, len(self._inputs), n_scans)
         self._record = StreamRecord(max(len(self._inputs), 1), n_scans)

@@ -21,11 +21,6 @@ _LEAST_UM: Final = 0.5
 """Such a difference is at least this large, in µm."""
 
 
-def n_points_of(table: Table) -> int:
-    """Return the number of points of a whole play."""
-    return len(table.lead_in) + len(table.period) * table.cycles
-
-
 def once_of(table: Table) -> FloatArray:
     """Return lead-in and one period, shape (n, outputs)."""
     return np.concatenate((table.lead_in, table.period))
@@ -36,7 +31,7 @@ def wave_of(table: Table) -> FloatArray:
 
     It is the period, or with a lead-in the whole play, because a generator repeats whole waves.
     """
-    return first_points(table, n_points_of(table)) if len(table.lead_in) else table.period
+    return first_points(table, table.n_points) if len(table.lead_in) else table.period
 
 
 def high_points(table: Table) -> list[tuple[int, int]]:
@@ -125,7 +120,7 @@ def closed_wave_of(table: Table, n_hold: int) -> FloatArray:
         table: The table.
         n_hold: Number of points for which the last value is held.
     """
-    wave = first_points(table, n_points_of(table))
+    wave = first_points(table, table.n_points)
     first, last = wave[0], wave[-1]
     # The period is closed, and so is its step from the end to the beginning.
     largest = np.abs(np.diff(wave, axis=0)).max(axis=0, initial=0.0)

@@ -35,9 +35,10 @@ _TablesOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR",
+        exists=True,
+        file_okay=False,
         readable=False,
-        help="Folder of learned lines: begin with the one in it whose conditions are the same, and "
-        "store the learned one there.",
+        help="Folder of learned tables: begin with the line in it whose conditions are the same.",
     ),
 ]
 

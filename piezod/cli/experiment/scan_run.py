@@ -52,9 +52,6 @@ def run(
     """
     path = free_name(out or Path(f"{file.stem}{ENDING}"))
     check_writable(path.parent)
-    if tables is not None:
-        tables.mkdir(parents=True, exist_ok=True)
-        check_writable(tables)
     setting = ScanSetting(path, file.read_text(encoding="utf-8-sig"), tables)
     with progress_bar() as progress:
         told = _Teller(progress, quiet=json).told

@@ -101,7 +101,7 @@ class ScanThread(DevicePlay):
         columns, first_v = scan.columns(table, block), self._resting_v
         for guard, column, in_force_v in zip(self._guards, columns, first_v, strict=True):
             guard.check(column, in_force_v)
-        end_v = scan.load(table, block, self._now_ns(), self._check)
+        end_v = scan.load(table, block, columns, self._now_ns(), self._check)
         self._check()
         scan.player.arm()
         self._start(first_v)

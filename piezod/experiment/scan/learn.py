@@ -93,16 +93,16 @@ def learn_frame(
         PiezodError: If a frame could not be played, or its record cannot be used.
     """
     frame = _Frame(task)
-    best, smallest = frame.table(), np.inf
+    best = table = frame.table()
+    smallest = np.inf
     for number in range(1, task.passes + 1):
-        table = frame.table()
         stage.rest()
         found = frame.learn(stage.scan(table), f"frame {number}")
         report(found.report)
         if found.rms > GREW * smallest:
             return best
-        best, smallest = table, min(smallest, found.rms)
-    return frame.table()
+        best, table, smallest = table, frame.table(), min(smallest, found.rms)
+    return table
 
 
 class LineSum:
@@ -192,10 +192,11 @@ class _Frame:
             pixels = pixels_of(samples, plan, delays_s)
             measured.add(k, pixels.position_um)
             true.add(k, pixels.true_um)
-            error_um = plan.pixel_means(plan.command_um(k)) - pixels.position_um
+            wanted_um = plan.pixel_means(plan.command_um(k))
+            error_um = wanted_um - pixels.position_um
             offset_um[k] = np.mean(error_um, axis=0)
             if plan.line_um is not None:
-                size[k] = _slope(plan.pixel_means(plan.command_um(k))[:, 0], error_um[:, 0])
+                size[k] = _slope(wanted_um[:, 0], error_um[:, 0])
                 line.add(k, samples.position_um[:, 0])
         ways = 2 if plan.turns_back else 1
         rms = self._correct(smoothed(offset_um, ways), smoothed(size[:, None], ways)[:, 0], line)

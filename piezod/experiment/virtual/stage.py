@@ -22,7 +22,7 @@ from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, Identity, KnowsTruth
 from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis
 from piezod.devices.played_scan import BlockRecord, PlayedScan, ScanBlock
-from piezod.devices.player import PlayState
+from piezod.devices.player import Player, PlayState
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
@@ -196,22 +196,24 @@ class VirtualStage:
         place, played = self._names.index(axis), self.played(axis)
         guard.check(table, self.read_back_v(axis))
         loaded = played.load(table, self.now_ns)
-        player = played.player
-        player.arm()
-        player.start(self.now_ns)
-        duration_ns = loaded.duration_ns + loaded.interval_ns  # a device may start a point later
-        self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
-        progress = player.progress(self.now_ns)
-        if progress.state is not PlayState.ENDED:
-            played.abort(self.now_ns)
-            why = progress.reason or f"it is {progress.state.value} after its duration"
-            raise DeviceError(f"the play of axis {axis} failed: {why}")
+        self._play_out(played.player, loaded, f"the play of axis {axis}")
         self.in_force_v[place] = float(loaded.period_v[-1])
         record = played.recording()
         return record._replace(
             position_um=record.position_um - self._zero_um[place],
             true_um=record.true_um - self._true_zero_um[place],
         )
+
+    def _play_out(self, player: Player, loaded: AxisTable, what: str) -> None:
+        player.arm()
+        player.start(self.now_ns)
+        duration_ns = loaded.duration_ns + loaded.interval_ns  # a device may start a point later
+        self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
+        progress = player.progress(self.now_ns)
+        if progress.state is not PlayState.ENDED:
+            player.abort(self.now_ns)
+            why = progress.reason or f"it is {progress.state.value} after its duration"
+            raise DeviceError(f"{what} failed: {why}")
 
     def played_scan(self, axes: Sequence[str]) -> PlayedScan:
         """Return axes that play together.
@@ -237,16 +239,8 @@ class VirtualStage:
         columns = scan.columns(table, block)
         for name, column in zip(table.axes, columns, strict=True):
             guards[name].check(column, self.read_back_v(name))
-        end_v = scan.load(table, block, self.now_ns)
-        scan.player.arm()
-        scan.player.start(self.now_ns)
-        duration_ns = columns[0].duration_ns + table.interval_ns
-        self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
-        progress = scan.player.progress(self.now_ns)
-        if progress.state is not PlayState.ENDED:
-            scan.player.abort(self.now_ns)
-            why = progress.reason or f"it is {progress.state.value} after its duration"
-            raise DeviceError(f"the scan failed: {why}")
+        end_v = scan.load(table, block, columns, self.now_ns)
+        self._play_out(scan.player, columns[0], "the scan")
         places = [self._names.index(name) for name in table.axes]
         for place, drive_v in zip(places, end_v.tolist(), strict=True):
             self.in_force_v[place] = drive_v

@@ -45,8 +45,8 @@ def contour_error(telemetry: RecordedTelemetry, names: Sequence[str]) -> NDArray
     lines = min(max(round(_PATH_S * telemetry.header.rate_hz), 1), _MOST_LINES, len(command))
     nearest: NDArray[np.float64] = np.linalg.norm(command - position, axis=1)
     for back in range(1, lines):
-        begin, way = command[:-back], np.zeros_like(command[:-back])
-        way[:] = command[1 : len(command) - back + 1] - begin
+        begin = command[:-back]
+        way = command[1 : len(command) - back + 1] - begin
         off = position[back:] - begin
         length = np.einsum("ij,ij->i", way, way)
         along = np.einsum("ij,ij->i", off, way)

@@ -217,5 +217,6 @@ def stop_leaves_rest() -> str:
     DROP_IN.unlink()
     DROP_IN.parent.rmdir()
     found_v = Bus().drive_v()
+    run(f"systemctl stop {PLANT}")
     need(found_v == 0.0, f"the output is {found_v} V")
     return f"{found_v} V"

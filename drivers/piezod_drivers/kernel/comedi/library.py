@@ -26,12 +26,6 @@ FLAG_WRITE: Final = 0x40
 TO_PHYSICAL, FROM_PHYSICAL = 0, 1
 
 
-class Range(Structure):
-    """Range of a channel."""
-
-    _fields_ = (("min", c_double), ("max", c_double), ("unit", c_uint))
-
-
 class PolynomialStruct(Structure):
     """Conversion of a channel."""
 
@@ -69,7 +63,6 @@ _FUNCTIONS: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "comedi_get_subdevice_flags": (c_int, _NUMBERS),
     "comedi_get_n_channels": (c_int, _NUMBERS),
     "comedi_get_maxdata": (c_uint, (*_NUMBERS, c_uint)),
-    "comedi_get_range": (POINTER(Range), (*_NUMBERS, c_uint, c_uint)),
     "comedi_find_range": (c_int, (*_NUMBERS, c_uint, c_uint, c_double, c_double)),
     "comedi_data_read": (c_int, (*_NUMBERS, c_uint, c_uint, c_uint, POINTER(c_uint))),
     "comedi_data_write": (c_int, (*_NUMBERS, c_uint, c_uint, c_uint, c_uint)),

@@ -56,6 +56,7 @@ class ComediPlayer:
         self._table: Table | None = None
         self._out, self._in = OutStream(b"", b"", 0), InStream(1, 0)
         self._parts = b"", b""
+        self._out_width = self._in_width = 2  # bytes of a code: asked once for a play
 
     def capabilities(self) -> PlayerCapabilities:
         """Ask the card for its shortest interval, the step of intervals, and its buffers.
@@ -99,7 +100,7 @@ class ComediPlayer:
         from piezod_drivers.kernel.comedi import play_arrays  # noqa: PLC0415 - numpy
 
         check()
-        wanted = Timing(table.interval_ns, self._n_scans(table))
+        wanted = Timing(table.interval_ns, table.n_points)
         for pins in self._commands():
             found = self._wired.card.test(pins, wanted)
             if found != wanted:
@@ -125,13 +126,15 @@ class ComediPlayer:
             LineFault: If the kernel refuses.
         """
         table, card = self._require_table(), self._wired.card
-        timing = Timing(table.interval_ns, self._n_scans(table))
+        timing = Timing(table.interval_ns, table.n_points)
         driven, *sampled = self._commands()
         self._out = OutStream(*self._parts, table.cycles)
+        self._out_width = self._width(driven)
         card.command(driven, timing)
         self._fill()
         for pins in sampled:
-            self._in = InStream(len(pins) * self._width(pins), timing.n_scans)
+            self._in_width = self._width(pins)
+            self._in = InStream(len(pins) * self._in_width, timing.n_scans)
             card.command(pins, timing)
             card.trigger(pins[0].subdevice)
         card.trigger(driven[0].subdevice)
@@ -224,9 +227,6 @@ class ComediPlayer:
             more_ns *= 2
         return more_ns
 
-    def _n_scans(self, table: Table) -> int:
-        return len(table.lead_in) + len(table.period) * table.cycles
-
     def _fill(self) -> None:
         """Put as many points into the buffer as fit. Real-time safe."""
         out, card = self._out, self._wired.card
@@ -238,7 +238,7 @@ class ComediPlayer:
 
     def _cycle(self, table: Table) -> int:
         outputs = self._wired.outputs
-        scan_bytes = len(outputs) * self._width([outputs[0].pin])
+        scan_bytes = len(outputs) * self._out_width
         waiting = self._wired.card.waiting_bytes(outputs[0].pin.subdevice)
         n_played = (self._out.n_sent - waiting) // scan_bytes
         return max(n_played - len(table.lead_in) - 1, 0) // len(table.period)
@@ -251,11 +251,9 @@ class ComediPlayer:
             self._wired.card.cancel(pins[0].subdevice)
 
     def _newest(self, channels: "Sequence[WiredPin]", first: int) -> list[float]:
-        scan = self._in.newest
+        scan, width = self._in.newest, self._in_width
         if not scan:
             return [nan] * len(channels)
-        pins = [channels[0].pin] if channels else []
-        width = self._width(pins) if pins else 2
         return [
             converter.sample(
                 int.from_bytes(scan[(first + i) * width : (first + i + 1) * width], "little")

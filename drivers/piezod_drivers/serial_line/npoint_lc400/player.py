@@ -107,7 +107,7 @@ class Lc400Player:
             lead_in=(table.lead_in * (FULL_SCALE / 100.0)).round(),
             period=(table.period * (FULL_SCALE / 100.0)).round(),
         )
-        n_play, n_hold = wave_arrays.n_points_of(table), -(-HOLD_NS // table.interval_ns)
+        n_play, n_hold = table.n_points, -(-HOLD_NS // table.interval_ns)
         if n_play > WAVE_POINTS:  # before all of it is written out
             raise DeviceError(_too_long(n_play, WAVE_POINTS - n_hold, table))
         wave = wave_arrays.closed_wave_of(counts, n_hold)

@@ -118,7 +118,7 @@ class Gcs2Player:
         """
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
-        able, n_points = self.capabilities(), wave_arrays.n_points_of(table)
+        able, n_points = self.capabilities(), table.n_points
         if len(table.lead_in) and n_points * len(self._host.numbers) > able.points:
             raise DeviceError(
                 f"lead-in and {table.cycles} cycles are a wave of {n_points} points for each "
@@ -215,7 +215,7 @@ class Gcs2Player:
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         table, n_inputs = self._require_table(), len(self._host.wiring.inputs)
-        n_points = min(wave_arrays.n_points_of(table), self.capabilities().record_points)
+        n_points = min(table.n_points, self.capabilities().record_points)
         tables = [str(i + 1) for i in range(n_inputs + len(self._host.numbers))]
         length = self._requests.record_length()
         if length < n_points:

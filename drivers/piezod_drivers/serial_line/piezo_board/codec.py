@@ -12,6 +12,8 @@ from typing import Final, NamedTuple
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 
+CODES: Final = 65_535
+"""Code of the highest voltage of a converter."""
 TAGS: Final = 0x1000
 """Number of different tags."""
 ROWS: Final = 128

@@ -12,13 +12,11 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.piezo_board import codec
-from piezod_drivers.serial_line.piezo_board.codec import BoardStatus
+from piezod_drivers.serial_line.piezo_board.codec import CODES, BoardStatus
 from piezod_drivers.serial_line.piezo_board.identity import BoardFacts
 from piezod_drivers.serial_line.piezo_board.options import BoardOptions
 from piezod_drivers.serial_line.piezo_board.player import BoardPlayer
 
-CODES: Final = 65_535
-"""Code of the highest voltage of a converter."""
 _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 _EXCHANGE_BYTES: Final = 60
 _BOARD_S: Final = 0.6e-3

@@ -6,17 +6,17 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod.units import NS_PER_S
+from piezod_drivers.serial_line.piezo_board.codec import CODES
 from piezod_drivers.serial_line.piezo_board.emulation.build import Built, build
 from piezod_drivers.serial_line.piezo_board.emulation.simavr import CLOCK_HZ, Processor
 
-V_PER_CODE: Final = 150.0 / 65_535
+V_PER_CODE: Final = 150.0 / CODES
 """An output of 0 to 5 V is 0 to 150 V at the actuator."""
-UM_PER_CODE: Final = 40.0 / 65_535
+UM_PER_CODE: Final = 40.0 / CODES
 LOWEST_UM: Final = -5.0
 """An input of 0 to 5 V is a displacement of -5 to 35 µm."""
 AHEAD_NS: Final = 200_000_000
 """Longest time that a board may take for what came to it, before it is interrupted."""
-_CODES: Final = 65_535
 _NS_PER_CYCLE: Final = NS_PER_S / CLOCK_HZ
 
 
@@ -79,8 +79,8 @@ class BoardEmulator(Emulator):
         self._played = self.processor.plays
         position_um = self._bench.positions_um(self._ns_of(cycle))[channel]
         if not isfinite(position_um):
-            return _CODES
-        return max(0, min(round((position_um - LOWEST_UM) / UM_PER_CODE), _CODES))
+            return CODES
+        return max(0, min(round((position_um - LOWEST_UM) / UM_PER_CODE), CODES))
 
     def _ns_of(self, cycle: int) -> int:
         return self._begin_ns + round(cycle * _NS_PER_CYCLE)

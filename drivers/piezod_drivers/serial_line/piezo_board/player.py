@@ -15,13 +15,12 @@ from piezod.devices.player import (
 )
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.piezo_board.codec import BoardStatus
+from piezod_drivers.serial_line.piezo_board.codec import CODES, BoardStatus
 from piezod_drivers.serial_line.piezo_board.wave_requests import PlayHost, WaveRequests
 
 POLL_NS: Final = 100_000_000
 """Time between two questions for the progress; they also tell the board that its host is there."""
 _MOST_POINTS: Final = 2**32 - 1
-_CODES: Final = 65_535
 
 
 class BoardPlayer:
@@ -52,7 +51,7 @@ class BoardPlayer:
             longest_interval_ns=facts.ns(facts.longest // step * step),
             points=facts.memory,
             points_shared=False,
-            resolution=(abs(high - low) / _CODES,) * len(self._host.outputs),
+            resolution=(abs(high - low) / CODES,) * len(self._host.outputs),
             cycles=_MOST_POINTS // facts.memory - 1,
             replaces=False,
             record_points=facts.memory,
@@ -69,12 +68,12 @@ class BoardPlayer:
 
         low, high = self._host.options.output_v
         status = self._host.ask_status("?")
-        once = np.rint((wave_arrays.once_of(table) - low) * (_CODES / (high - low))).astype(int)
+        once = np.rint((wave_arrays.once_of(table) - low) * (CODES / (high - low))).astype(int)
         # An output that is not in use stays.
         rows = np.tile(np.array(status.outputs), (len(once), 1))
         rows[:, self._host.outputs] = once
         self._crc = self._requests.write_table(rows.ravel().tolist(), check)
-        held = low + once * ((high - low) / _CODES)
+        held = low + once * ((high - low) / CODES)
         n_lead_in = len(table.lead_in)
         self._table = table._replace(lead_in=held[:n_lead_in], period=held[n_lead_in:])
         return self._table
@@ -111,7 +110,7 @@ class BoardPlayer:
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         table, host = self._require_table(), self._host
-        n_rows = wave_arrays.n_points_of(table) - self._first
+        n_rows = table.n_points - self._first
         kept = host.ask_status("?").kept
         if kept != n_rows:
             raise DeviceError(f"the record has {kept} samples, allowed: {n_rows}")

@@ -141,13 +141,11 @@ class Nv200Player:
 
     def arm(self) -> None:
         """Set up generator and recorder."""
-        from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
-
         table = self._require_table()
         factor = table.interval_ns // CLOCK_NS
         n_repeated = self._n_held + len(table.lead_in)
         self._requests.prepare(n_repeated, len(self._voltages), table.cycles, factor)
-        n_samples = min(self._n_held + wave_arrays.n_points_of(table), N_SAMPLES)
+        n_samples = min(self._n_held + table.n_points, N_SAMPLES)
         self._requests.prepare_record(n_samples, factor)
         self._rest_um = self._requests.position_um()
 
@@ -198,7 +196,7 @@ class Nv200Player:
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         table = self._require_table()
-        n_samples = min(self._n_held + wave_arrays.n_points_of(table), N_SAMPLES)
+        n_samples = min(self._n_held + table.n_points, N_SAMPLES)
         n_inputs = len(self._host.wiring.inputs)
         channels = [0] * n_inputs + [1]
         columns = []
