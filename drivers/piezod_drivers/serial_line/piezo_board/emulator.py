@@ -6,10 +6,11 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.piezo_board.codec import CODES
 from piezod_drivers.serial_line.piezo_board.emulation.build import Built, build
 from piezod_drivers.serial_line.piezo_board.emulation.simavr import CLOCK_HZ, Processor
 
+CODES: Final = 65_535
+"""Code of the highest voltage of a converter; by itself, not from the driver."""
 V_PER_CODE: Final = 150.0 / CODES
 """An output of 0 to 5 V is 0 to 150 V at the actuator."""
 UM_PER_CODE: Final = 40.0 / CODES
