@@ -54,7 +54,7 @@ OWN: Final[Mapping[str, Sequence[tuple[str, str, str]]]] = {
         (
             "scan",
             "experiment.scan",
-            "Scan lines, a raster or a stack that a device plays, and store a picture.",
+            "Scan lines, a raster or a stack, and store a picture.",
         ),
         (
             "check",

@@ -11,7 +11,7 @@ from piezod.config.document import Document
 from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.messages import suggest
 from piezod.config.play import IntervalUs
-from piezod.config.quantities import Name, OneLine, PositionUm
+from piezod.config.quantities import ModeName, Name, OneLine, PositionUm
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 from piezod.errors import ConfigError, Problem
@@ -87,6 +87,19 @@ class _Scan(ConfigModel):
         default=4, description="Largest number of corrections of the lines, and of the frame."
     )
     pulses: PulsesConfig = Field(default=PulsesConfig(), description="Pulses of the device.")
+    mode: ModeName | None = Field(
+        default=None,
+        description="Mode in which the loop scans, at its own rate; default: a device plays the "
+        "scan from a table.",
+    )
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if self.mode is not None and self.pulses.highest:
+            yield (
+                ("pulses",),
+                f"the loop has no lines of pulses (got mode {self.mode}): leave out `mode` if a "
+                "device plays the scan, or `pulses`",
+            )
 
     @property
     def interval_ns(self) -> int:
@@ -126,6 +139,9 @@ class _Swept(_Scan):
         return 1.0 / (self.lines_per_s * self.sweeps_per_line)
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
+        yield from super()._broken_rules()
+        if self.mode is not None:
+            return  # the loop has a clock of its own
         points = self.sweep_s * (1.0 - self.turn_share) / (1e-6 * self.interval_us)
         least = 2 if self.pulses.pixel is not None else 1
         if points < least * self.fast.pixels:
@@ -197,6 +213,9 @@ class StackScan(_Scan):
         return (self.planes,)
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
+        yield from super()._broken_rules()
+        if self.mode is not None:
+            return
         least_s = 2e-6 * self.interval_us
         for key in ("plane_s", "move_s"):
             value_s = getattr(self, key)

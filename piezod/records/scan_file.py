@@ -9,7 +9,7 @@
           <signal>, <signal>_backward, …   one row for each line; NaN where nothing was swept yet
           <axis>_um      centres of the pixels
         pixels/          NXdata   @signal @axes=first_ns: the same at full precision, in time order
-          row, column, position_<axis>_um, <input>, dwell_s, first_ns, last_ns
+          row, column, position_<axis>_um, <input>, dwell_s, first_ns, last_ns, late_ns
 
 The file is in HDF5's SWMR mode, and written to the disk after each sweep. It can be read while it
 is written, and after the writer was killed up to the last sweep.
@@ -58,6 +58,7 @@ class ScanHeader(NamedTuple):
     inputs: tuple[str, ...]  #: Names of the inputs beside.
     both_ways: bool  #: Whether each line is swept forward and backward.
     configuration: str = ""  #: Text of the description.
+    by_loop: bool = False  #: Whether the loop scans: its cycles may be late.
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -76,6 +77,7 @@ class SweptPixels(NamedTuple):
     dwell_s: float  #: Time of a pixel, in s.
     first_ns: NDArray[np.int64]  #: (pixels,) first sample of each pixel since the first sweep.
     last_ns: NDArray[np.int64]  #: (pixels,) its last sample.
+    late_ns: NDArray[np.int64] | None = None  #: (pixels,) largest lateness of its cycles, if known.
 
 
 class ScanFile:
@@ -153,6 +155,9 @@ class ScanFile:
     def _make_lists(self, entry: h5py.Group, columns: int) -> None:
         chunk = max(columns, _LEAST_CHUNK)
         lists = new_data(entry, "pixels", self._header.signals[0], "first_ns")
+        late = (
+            ("late_ns", np.int64, "Largest lateness of its cycles: wake-up after the instant."),
+        )
         self._lists = {
             name: growing_column(lists, name, dtype, chunk, about=about)
             for name, dtype, about in (
@@ -166,6 +171,7 @@ class ScanFile:
                 ("dwell_s", np.float64, "Time of the pixel."),
                 ("first_ns", np.int64, "Time of its first sample since the first sweep."),
                 ("last_ns", np.int64, "Time of its last sample."),
+                *(late if self._header.by_loop else ()),
             )
         }
 
@@ -193,6 +199,8 @@ class ScanFile:
             "first_ns": pixels.first_ns,
             "last_ns": pixels.last_ns,
         }
+        if pixels.late_ns is not None:
+            columns["late_ns"] = pixels.late_ns
         for i, axis in enumerate(self._header.axes):
             columns[f"position_{axis}_um"] = pixels.position_um[:, i]
         for i, name in enumerate(self._header.signals):

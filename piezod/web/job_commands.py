@@ -90,7 +90,7 @@ class LearnJob(PageMessage):
 
 
 class ScanJob(PageMessage):
-    """Scan lines, a raster or a stack that a device plays, and store the picture."""
+    """Scan lines, a raster or a stack, and store the picture."""
 
     do: Literal["scan"]
     stage: str

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -166,6 +167,29 @@ def test_experiment(
     assert rig.status()["state"] == "SAFE"
     names = [each["name"] for each in rig.ask("GET", "recordings").json()["recordings"]]
     assert any(name.endswith("slow-adaptive") for name in names)
+
+
+@pytest.mark.usefixtures("first_model")
+def test_scan_by_the_loop(
+    piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
+) -> None:
+    """The loop sweeps a line; the file has the position and the lateness of each pixel."""
+    fast = "{axis: x, from_um: 6, to_um: 14, pixels: 5}"
+    scan = f"{{kind: line, mode: adaptive, fast: {fast}, repeats: 4, lines_per_s: 2}}"
+    (folder / "scan.yaml").write_text(f"scan: {scan}")
+    command = ("scan", "scan.yaml", "--live", "--json", *socket)
+
+    code, out, err = punctual(rig, lambda: piezod(*command))
+
+    assert code == 0, err
+    with h5py.File(folder / json.loads(out)["file"]) as file:
+        pixels = file["scan/pixels"]
+        position_um = pixels["position_x_um"][()].reshape(4, 5)
+        assert len(pixels["late_ns"]) == 20
+    centres_um = 6.8 + 1.6 * np.arange(5)
+    assert position_um[2] == pytest.approx(centres_um, abs=1.0)
+    assert position_um[3] == pytest.approx(centres_um[::-1], abs=1.0)
+    assert rig.status()["state"] == "SAFE"
 
 
 def test_experiment_that_does_not_fit_moves_nothing(

@@ -1,4 +1,4 @@
-"""`piezod scan`: a scan that a device plays, in virtual time or on a running stage."""
+"""`piezod scan`: a scan, in virtual time or on a running stage."""
 
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -53,10 +53,11 @@ def scan(  # noqa: PLR0913, PLR0917 - each argument is an option
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Scan lines, a raster or a stack that a device plays, and store a picture.
+    """Scan lines, a raster or a stack, and store a picture.
 
-    The line is learned alone first, then in whole frames, each sweep with an offset and a size of
-    its own. The last frame is stored sweep by sweep: after an abort the file has all sweeps before
+    A device plays it from a table, unless the file says in which mode the loop scans. The line of a
+    table is learned alone first, then in whole frames, each sweep with an offset and a size of its
+    own. The last frame is stored sweep by sweep: after an abort the file has all sweeps before
     it. Prints the errors of each frame in pixels, in the middle 80 % of the lines. With --live the
     stage is disarmed at the end.
     """

@@ -7,7 +7,7 @@ import numpy as np
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms.waveform import Waveform
-from piezod.control.reference.motion import Motion
+from piezod.control.reference.motion import Reference
 from piezod.errors import DataError
 from piezod.experiment.live.late import late_indices
 from piezod.experiment.live.setup import LiveAxis
@@ -50,7 +50,9 @@ def cut_waveform(
     started_s, start_um = float(t_s[first - 1]), float(columns["command_um"][first - 1])
     case = run.case
     motion = axis.motion(waveform, case.duration_s, start_um)
-    _check_command(name, motion, t_s[first:] - started_s, columns["command_um"][first:])
+    check_followed(
+        name, motion.reference_um, t_s[first:] - started_s, columns["command_um"][first:]
+    )
     begin_s = started_s + motion.duration_s - case.duration_s
     begin, end = np.searchsorted(t_s, [begin_s - 1e-9, begin_s + case.duration_s - 1e-9])
     if end == t_s.size:
@@ -86,9 +88,22 @@ def missing_cycles(telemetry: RecordedTelemetry) -> int:
     return int(skipped[-1] - skipped[0]) + telemetry.lost
 
 
-def _check_command(name: str, motion: Motion, since_s: FloatArray, command_um: FloatArray) -> None:
+def check_followed(
+    name: str, reference_um: Reference, since_s: FloatArray, command_um: FloatArray
+) -> None:
+    """Check that an axis was commanded a movement, in nearly all of its cycles.
+
+    Args:
+        name: Name of the axis.
+        reference_um: Position over time since the start of the movement, in µm.
+        since_s: (n,) instants of cycles since then, in s.
+        command_um: (n,) their commands, in µm.
+
+    Raises:
+        DataError: If it was commanded another one.
+    """
     # The same functions compute the reference in the daemon, so both agree up to rounding.
-    expected_um = np.fromiter(map(motion.reference_um, since_s.tolist()), float, since_s.size)
+    expected_um = np.fromiter(map(reference_um, since_s.tolist()), float, since_s.size)
     other = np.count_nonzero(~(np.abs(command_um - expected_um) <= SAME_UM))
     if other > OTHER_SHARE * since_s.size + 1:
         raise DataError(

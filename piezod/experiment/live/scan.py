@@ -10,15 +10,18 @@ from piezod.config.scan import broken_scan
 from piezod.errors import DataError
 from piezod.experiment.live.play import REST_S, measured_axis
 from piezod.experiment.live.running_axis import playing_axis
+from piezod.experiment.live.scan_loop import scan_by_running_loop
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
+from piezod.experiment.scan.by_loop import or_by_loop
 from piezod.experiment.scan.pixels import SweepSamples
 from piezod.experiment.scan.plan import AnyScan, plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,
     Told,
+    beside_of,
     planned_axis,
     run_scan,
     with_measured_mode,
@@ -90,7 +93,7 @@ def _request(table: ScanTable) -> Document:
 
 
 def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: Told) -> ScanResult:
-    """Run a scan on a running stage, and disarm it at the end.
+    """Run a scan on a running stage, by its device or its loop, and disarm it at the end.
 
     Args:
         client: A connection to the daemon of the stage.
@@ -110,19 +113,15 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
     _check(scan, setup)
     names = [span.axis for span in scan.spans]
     planned = {name: planned_axis(setup.axes[name].config, setup.model_of(name)) for name in names}
+    if scan.mode is not None:
+        return scan_by_running_loop(client, setup, scan, scan.mode, planned, setting, told)
     plan_scan(scan, planned)
-    inputs = tuple(
-        dict.fromkeys(
-            beside
-            for name in names
-            if (sensor := setup.axes[name].config.sensor) is not None
-            for beside in sensor.beside
-        )
-    )
+    inputs = beside_of(setup.axes[name].config for name in names)
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         stage.arm_at_rest(REST_S)
         make = partial(playing_axis, stage, setup, interval_ns=scan.interval_ns, rest_s=REST_S)
-        axes = {name: make(name) for name in names}
+        with or_by_loop():
+            axes = {name: make(name) for name in names}
         known = {name: measured_axis(axis) for name, axis in axes.items()}
         plan = plan_scan(
             scan, {name: with_measured_mode(planned[name], known[name]) for name in names}

@@ -1,14 +1,16 @@
 """From the samples of a sweep to its pixels."""
 
 from math import isfinite
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from piezod.experiment.scan.plan import ScanPlan
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
 
+Int64Array: TypeAlias = npt.NDArray[np.int64]
 MIDDLE = 0.8
 """Share of a line, about its middle, whose errors are told: turns disturb its ends."""
 
@@ -21,6 +23,8 @@ class SweepSamples(NamedTuple):
     position_um: FloatArray  #: Measured displacement of each axis, in µm.
     true_um: FloatArray  #: True displacement, in µm; NaN if it is not known.
     detected: FloatArray  #: Values of the inputs beside, in their units.
+    #: (points,) lateness of each cycle, in ns, if the loop scans; None with the clock of a device.
+    late_ns: Int64Array | None = None
 
 
 class SweepPixels(NamedTuple):
@@ -31,10 +35,9 @@ class SweepPixels(NamedTuple):
     true_um: FloatArray  #: (pixels, axes) mean true displacement, in µm; NaN if it is not known.
     detected: FloatArray  #: (pixels, inputs) mean of each input beside.
     dwell_s: float  #: Time of a pixel, in s.
-    first_ns: np.ndarray[tuple[int], np.dtype[np.int64]]
-    """(pixels,) time of the first sample of each pixel since the first sweep, in ns."""
-    last_ns: np.ndarray[tuple[int], np.dtype[np.int64]]
-    """(pixels,) time of its last sample, in ns."""
+    first_ns: Int64Array  #: (pixels,) time of its first sample since the first sweep, in ns.
+    last_ns: Int64Array  #: (pixels,) time of its last sample, in ns.
+    late_ns: Int64Array | None  #: (pixels,) largest lateness of its cycles, in ns.
 
 
 def pixels_of(samples: SweepSamples, plan: ScanPlan, sensor_delay_s: FloatArray) -> SweepPixels:
@@ -62,7 +65,12 @@ def pixels_of(samples: SweepSamples, plan: ScanPlan, sensor_delay_s: FloatArray)
         plan.per_pixel * plan.interval_ns / NS_PER_S,
         first_ns,
         first_ns + (plan.per_pixel - 1) * plan.interval_ns,
+        None if samples.late_ns is None else _largest(samples.late_ns[: plan.active], plan),
     )
+
+
+def _largest(values: Int64Array, plan: ScanPlan) -> Int64Array:
+    return np.asarray(np.max(values.reshape(plan.pixels, plan.per_pixel), axis=1))
 
 
 def _later(values: FloatArray, points: float) -> FloatArray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from piezod.config.scan import MODE_PERIODS, LineScan, RasterScan, StackScan
 from piezod.devices.scan_table import Mask
@@ -92,6 +93,21 @@ class ScanPlan:
             first = sweep % (self.line_um.size // self.points) * self.points
             command[:, 0] = self.line_um[first : first + self.active]
         return command
+
+    def positions_um(self, at: npt.NDArray[np.int64]) -> FloatArray:
+        """Return the position of each axis at points, shape (n, axes), in µm.
+
+        Args:
+            at: (n,) indices of points of all sweeps; those below 0 lead to the first sweep.
+        """
+        sweep, point = at // self.points, at % self.points
+        last = self.sweeps - 1
+        here = self.levels_um[np.clip(sweep, 0, last)]
+        after = self.levels_um[np.clip(sweep + 1, 0, last)]
+        position_um = here + (after - here) * self.blend[point]
+        if self.line_um is not None:
+            position_um[:, 0] = self.line_um[at % self.line_um.size]
+        return position_um
 
 
 def plan_scan(scan: AnyScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:

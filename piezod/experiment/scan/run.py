@@ -1,6 +1,6 @@
 """A scan from its description to its file, on a stage that plays it, virtual or running."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -17,9 +17,9 @@ from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
 from piezod.experiment.play.stored import find_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
-from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, pixels_of
+from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, SweepSamples, pixels_of
 from piezod.experiment.scan.plan import AnyScan, PlannedAxis, ScanPlan
-from piezod.experiment.scan.stage import ScanStage, ScanTable
+from piezod.experiment.scan.stage import ScanStage
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.scan_file import ScanFile, ScanHeader, SweptPixels
 
@@ -71,6 +71,12 @@ def planned_axis(config: AxisConfig, model: StageModel) -> PlannedAxis:
         config.limits.slew_v_per_s * per_um,
         model.delay_s,
     )
+
+
+def beside_of(axes: Iterable[AxisConfig]) -> tuple[str, ...]:
+    """Return the names of the inputs that are recorded beside the sensors of axes."""
+    sensors = [axis.sensor for axis in axes if axis.sensor is not None]
+    return tuple(dict.fromkeys(name for sensor in sensors for name in sensor.beside))
 
 
 def with_measured_mode(planned: PlannedAxis, known: KnownAxis) -> PlannedAxis:
@@ -130,16 +136,32 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
 
     table = learn_frame(stage, task, report)
     stage.rest()
-    header = ScanHeader(
+    header = scan_header(scan, plan, inputs, setting)
+    sweeps = stage.scan(table)
+    report(store_frame(sweeps, plan, task.sensor_delay_s, header, setting.file, told))
+    return ScanResult(setting.file, plan, line, tuple(frames))
+
+
+def scan_header(
+    scan: AnyScan, plan: ScanPlan, inputs: tuple[str, ...], setting: ScanSetting
+) -> ScanHeader:
+    """Return what the file of a scan says about it.
+
+    Args:
+        scan: The scan.
+        plan: Its plan.
+        inputs: Names of the inputs beside.
+        setting: How it is run.
+    """
+    return ScanHeader(
         scan.title or "scan",
         datetime.now().astimezone().isoformat(timespec="seconds"),
         plan.axes,
         inputs,
         both_ways=plan.sweeps_per_line > 1,
         configuration=setting.configuration,
+        by_loop=scan.mode is not None,
     )
-    report(_stored(stage, table, task, header, setting.file, told))
-    return ScanResult(setting.file, plan, line, tuple(frames))
 
 
 def _learned_line(
@@ -161,19 +183,32 @@ def _learned_line(
     return learn(axis.stage, task, told.line)
 
 
-def _stored(
-    stage: ScanStage,
-    table: ScanTable,
-    task: ScanTask,
+def store_frame(
+    sweeps: Iterable[SweepSamples],
+    plan: ScanPlan,
+    sensor_delay_s: FloatArray,
     header: ScanHeader,
     file: Path,
     told: Told,
 ) -> FrameReport:
-    """Play the frame that is stored; return its errors."""
-    plan = task.plan
+    """Store a frame sweep by sweep, as it comes; return its errors.
+
+    Args:
+        sweeps: Samples of each sweep, in order.
+        plan: The plan.
+        sensor_delay_s: (axes,) delay of each sensor, in s.
+        header: What the file says about the scan.
+        file: Path of the file; it must not exist.
+        told: Who is told what.
+
+    Raises:
+        PiezodError: If a sweep could not be had.
+        OSError: If the file cannot be written.
+    """
     measured, true = ErrorCount(plan), ErrorCount(plan)
     with ScanFile(file, header, plan.edges_um, plan.n_rows, plan.pixels) as written:
-        for pixels in _pixels(stage, table, task):
+        for samples in sweeps:
+            pixels = pixels_of(samples, plan, sensor_delay_s)
             k = pixels.sweep
             swept = _swept(pixels, plan)
             written.append(swept)
@@ -181,11 +216,6 @@ def _stored(
             true.add(k, pixels.true_um)
             told.sweep(swept, (k + 1) / plan.sweeps, plan.n_rows)
     return FrameReport("stored", measured.errors, true.errors)
-
-
-def _pixels(stage: ScanStage, table: ScanTable, task: ScanTask) -> Iterator[SweepPixels]:
-    for samples in stage.scan(table):
-        yield pixels_of(samples, task.plan, task.sensor_delay_s)
 
 
 def _swept(pixels: SweepPixels, plan: ScanPlan) -> SweptPixels:
@@ -199,4 +229,5 @@ def _swept(pixels: SweepPixels, plan: ScanPlan) -> SweptPixels:
         pixels.dwell_s,
         pixels.first_ns,
         pixels.last_ns,
+        pixels.late_ns,
     )

@@ -10,6 +10,7 @@ from piezod.control.table_guard import TableGuard, TableRefusedError
 from piezod.devices.played_scan import BlockRecord, PlayedScan
 from piezod.devices.player import CountsPulses
 from piezod.experiment.play.axis import PlayingAxis
+from piezod.experiment.scan.by_loop import or_by_loop
 from piezod.experiment.scan.pixels import SweepSamples
 from piezod.experiment.scan.plan import AnyScan, plan_scan
 from piezod.experiment.scan.run import (
@@ -23,6 +24,7 @@ from piezod.experiment.scan.run import (
 from piezod.experiment.scan.stage import ScanTable
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.play import VirtualAxis
+from piezod.experiment.virtual.scan_loop import scan_by_virtual_loop
 from piezod.experiment.virtual.stage import VirtualStage, opened
 
 
@@ -80,7 +82,7 @@ def scan_virtually(
     setting: ScanSetting,
     told: Told,
 ) -> ScanResult:
-    """Run the scan of an experiment in virtual time.
+    """Run the scan of an experiment in virtual time, on a device that plays or by the loop.
 
     Raises:
         ConfigError: If a model file or a table file cannot be used.
@@ -89,9 +91,12 @@ def scan_virtually(
         DeviceError: If a device cannot be opened, does not play, or refuses a table.
         ModelError: If a gain is not safe.
     """
+    if scan.mode is not None:
+        return scan_by_virtual_loop(config, scan, scan.mode, setting, told)
     names = [span.axis for span in scan.spans]
     with opened(config, lambda _: None) as stage:
-        played = stage.played_scan(names)
+        with or_by_loop():
+            played = stage.played_scan(names)
         identified = identify_axes(stage, config)
         planned = {
             name: planned_axis(identified[name].config, identified[name].model) for name in names

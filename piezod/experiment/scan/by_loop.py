@@ -1,0 +1,247 @@
+"""A scan that the loop carries out: its sweeps are waveforms, and every cycle is a sample.
+
+A request takes so many points only, so a long scan is a few waveforms, one after the other. Between
+two of them the fast axis stands still, where it turns.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from piezod.config.axes import AxisConfig
+from piezod.config.scan import StackScan
+from piezod.config.waveforms.paths import Points
+from piezod.errors import DataError, DeviceError, RefusedError
+from piezod.experiment.scan.pixels import Int64Array, SweepSamples
+from piezod.experiment.scan.plan import AnyScan, PlannedAxis, ScanPlan, plan_scan
+from piezod.experiment.scan.run import (
+    ScanResult,
+    ScanSetting,
+    Told,
+    beside_of,
+    scan_header,
+    store_frame,
+)
+from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S
+
+HOLD_S = 0.5
+"""Time at the first position of each part, in s: the stage settles."""
+PIECES = 50
+"""Most straight pieces of a turn."""
+MOST_POINTS = 9000
+"""Most points of the waveforms of a part, so that they fit into a request."""
+MOST_PART_S = 30.0
+"""Longest time of the sweeps of a part, in s, if it has several: a file grows part by part."""
+LEAST_CYCLES = 2
+"""Fewest cycles of a pixel, of a held plane, and of the way to the next one."""
+
+
+class ScanPart(NamedTuple):
+    """Sweeps that are one waveform."""
+
+    sweeps: range  #: Indices of the sweeps.
+    first: int  #: Index of its first point, at which the fast axis stands still.
+    end: int  #: Index of its last point, likewise.
+
+
+class Cycles(NamedTuple):
+    """The cycles since the begin of the waveforms of a part, n of them."""
+
+    t_s: FloatArray  #: (n,) instant of each cycle since then, in s, increasing.
+    sample_s: FloatArray  #: (n, axes) instant of each sample since then, in s.
+    position_um: FloatArray  #: (n, axes) measured displacement, in µm; NaN if it is not valid.
+    true_um: FloatArray  #: (n, axes) true displacement, in µm; NaN if it is not known.
+    late_ns: FloatArray  #: (n,) lateness of each cycle, in ns.
+
+
+class LoopStage(Protocol):
+    """A stage whose loop scans; a virtual or a running one."""
+
+    def begin(self) -> None:
+        """Rest, zero the sensors, and select the mode.
+
+        Raises:
+            PiezodError: If that failed.
+        """
+        ...
+
+    def follow(self, waveforms_um: Mapping[str, Points], duration_s: float) -> Cycles:
+        """Go to the start of waveforms and follow them; return the cycles since their begin.
+
+        Args:
+            waveforms_um: Position of each axis over time, in µm, in the order of the plan.
+            duration_s: Duration of the waveforms, in s.
+
+        Raises:
+            PiezodError: If the stage did not follow them to the end.
+        """
+        ...
+
+
+@contextmanager
+def or_by_loop() -> Iterator[None]:
+    """Add to the refusal of a device that it need not play: the loop can scan, too."""
+    try:
+        yield
+    except (DeviceError, RefusedError) as error:
+        raise DataError(f"{error}; with `mode:` in `scan:` the loop scans instead") from error
+
+
+def plan_by_loop(scan: AnyScan, axes: Mapping[str, PlannedAxis], period_ns: int) -> ScanPlan:
+    """Return the plan of a scan whose points are the cycles of the loop.
+
+    Args:
+        scan: The scan.
+        axes: What is known of its axes, by name.
+        period_ns: Period of the loop, in ns.
+
+    Raises:
+        DataError: If a pixel is faster than the loop, or as `plan_scan`.
+    """
+    period_s = period_ns / NS_PER_S
+    if isinstance(scan, StackScan):
+        times = {"plane_s": scan.plane_s, "move_s": scan.move_s}
+    else:
+        times = {"a pixel": scan.sweep_s * (1.0 - scan.turn_share) / scan.fast.pixels}
+    for what, time_s in times.items():
+        if time_s < (LEAST_CYCLES - 1e-9) * period_s:
+            raise DataError(
+                f"{what} lasts {1000.0 * time_s:.4g} ms, allowed: at least "
+                f"{1000.0 * LEAST_CYCLES * period_s:.4g} ms, {LEAST_CYCLES} periods of the loop: "
+                "scan more slowly, with fewer pixels, or raise rate_hz"
+            )
+    # The loop reads its commands ahead by the delay of each axis: the plan is not early by it.
+    punctual = {name: axis._replace(delay_s=0.0) for name, axis in axes.items()}
+    return plan_scan(scan.model_copy(update={"interval_us": period_ns / 1000.0}), punctual)
+
+
+def run_by_loop(
+    scan: AnyScan,
+    plan: ScanPlan,
+    axes: Sequence[AxisConfig],
+    stage: LoopStage,
+    setting: ScanSetting,
+    told: Told,
+) -> ScanResult:
+    """Carry out a scan, and store it, part by part.
+
+    Args:
+        scan: The scan.
+        plan: Its plan, of `plan_by_loop`.
+        axes: Its axes, in the order of the plan.
+        stage: The stage.
+        setting: How it is run.
+        told: Who is told what.
+
+    Raises:
+        PiezodError: If the stage did not follow the scan.
+        OSError: If the file cannot be written.
+    """
+    if inputs := beside_of(axes):
+        told.note(f"the loop does not read {', '.join(inputs)}: the picture shows the error")
+    delays_s = np.array([axis.compensator.sensor_delay_s for axis in axes])
+    header, late = scan_header(scan, plan, (), setting), _Lateness()
+    stage.begin()
+    sweeps = _swept(plan, stage, late)
+    done = store_frame(sweeps, plan, delays_s, header, setting.file, told)
+    told.frame(done)
+    if late.worst_ns:
+        told.note(
+            f"its cycles were late by at most {late.worst_ns / 1000:.4g} µs, "
+            f"{late.mean_ns / 1000:.4g} µs on the average"
+        )
+    return ScanResult(setting.file, plan, None, (done,))
+
+
+class _Lateness:
+    """Largest and mean lateness of the cycles of a scan, in ns."""
+
+    def __init__(self) -> None:
+        self.worst_ns, self._sum_ns, self._count = 0, 0.0, 0
+
+    @property
+    def mean_ns(self) -> float:
+        return self._sum_ns / max(self._count, 1)
+
+    def add(self, late_ns: Int64Array) -> None:
+        self.worst_ns = max(self.worst_ns, int(late_ns.max()))
+        self._sum_ns, self._count = self._sum_ns + float(late_ns.sum()), self._count + late_ns.size
+
+
+def _swept(plan: ScanPlan, stage: LoopStage, late: _Lateness) -> Iterator[SweepSamples]:
+    """Follow the parts of a scan; yield the samples of each sweep."""
+    for part in parts_of(plan):
+        waveforms, duration_s = waveforms_of(plan, part)
+        cycles = stage.follow(waveforms, duration_s)
+        for k in part.sweeps:
+            samples, late_ns = sweep_of(plan, part, cycles, k)
+            late.add(late_ns)
+            yield samples
+
+
+def parts_of(plan: ScanPlan) -> Iterator[ScanPart]:
+    """Yield the parts of a scan, in order."""
+    points = len(_corners(plan, range(1), 0, plan.points)) * len(plan.axes)
+    sweep_s = plan.points * plan.interval_ns / NS_PER_S
+    most = max(1, min(MOST_POINTS // points, int(MOST_PART_S / sweep_s)))
+    for first in range(0, plan.sweeps, most):
+        sweeps = range(first, min(first + most, plan.sweeps))
+        end = (sweeps.stop - 1) * plan.points + plan.pause
+        if sweeps.stop == plan.sweeps:
+            end = sweeps.stop * plan.points - 1  # with all of the last turn
+        yield ScanPart(sweeps, (first - 1) * plan.points + plan.pause, end)
+
+
+def waveforms_of(plan: ScanPlan, part: ScanPart) -> tuple[dict[str, Points], float]:
+    """Return the waveform of each axis in a part, and their duration, in s."""
+    at = _corners(plan, range(part.sweeps.start - 1, part.sweeps.stop), part.first, part.end)
+    position_um = plan.positions_um(at)
+    t_s = HOLD_S + (at - part.first) * plan.interval_ns / NS_PER_S
+    waveforms = {
+        name: Points(
+            kind="points",
+            points=tuple(zip(np.round(t_s, 7).tolist(), np.round(line, 5).tolist(), strict=True)),
+        )
+        for name, line in zip(plan.axes, position_um.T, strict=True)
+    }
+    return waveforms, float(t_s[-1]) + plan.interval_ns / NS_PER_S
+
+
+def _corners(plan: ScanPlan, sweeps: range, first: int, end: int) -> Int64Array:
+    """Return the points from which to which a scan is straight, or nearly so in a turn."""
+    turn = np.arange(plan.active, plan.points)
+    own = np.concatenate(([0, plan.active - 1], turn[:: 1 + (turn.size - 1) // PIECES]))
+    at = np.add.outer(np.array(sweeps) * plan.points, own).ravel()
+    return np.unique(np.concatenate(([first], at[(at > first) & (at < end)], [end])))
+
+
+def sweep_of(
+    plan: ScanPlan, part: ScanPart, cycles: Cycles, sweep: int
+) -> tuple[SweepSamples, Int64Array]:
+    """Return the samples of a sweep of a part at the points of the plan, and their lateness.
+
+    A cycle is a little late, and a skipped one is missing: values are taken between cycles by a
+    line. The lateness of a point, in ns, is that of its cycle, or the time by which it is missing.
+    """
+    interval_s, first = plan.interval_ns / NS_PER_S, sweep * plan.points
+    t_s = HOLD_S + (first - part.first + np.arange(plan.points)) * interval_s
+    position_um, true_um = (
+        np.stack(
+            [
+                np.interp(t_s, sample_s, column)
+                for sample_s, column in zip(cycles.sample_s.T, values.T, strict=True)
+            ],
+            axis=1,
+        )
+        for values in (cycles.position_um, cycles.true_um)
+    )
+    cycle = np.searchsorted(cycles.t_s, t_s - 0.5 * interval_s)
+    cycle = np.minimum(cycle, cycles.t_s.size - 1)
+    missing = np.floor((cycles.t_s[cycle] - t_s) / interval_s + 0.5) * plan.interval_ns
+    late_ns = np.round(cycles.late_ns[cycle] + np.maximum(missing, 0.0)).astype(np.int64)
+    nothing = np.empty((plan.points, 0))
+    first_ns = first * plan.interval_ns
+    return SweepSamples(sweep, first_ns, position_um, true_um, nothing, late_ns), late_ns
