@@ -86,7 +86,7 @@ class ScanFile:
     Args:
         path: Path of the file; it must not exist, but its folder must.
         header: What it says about the scan.
-        edges_um: Edges of the pixels along each axis, the fastest first, in µm. A stack has its
+        centres_um: Centres of the pixels along each axis, the fastest first, in µm. A stack has its
             only axis across the rows: its pixels are rows.
         rows: Number of rows of the picture.
         columns: Number of pixels of a sweep.
@@ -99,7 +99,7 @@ class ScanFile:
         self,
         path: Path,
         header: ScanHeader,
-        edges_um: Sequence[FloatArray],
+        centres_um: Sequence[FloatArray],
         rows: int,
         columns: int,
     ) -> None:
@@ -110,14 +110,14 @@ class ScanFile:
             cache = CHUNK_CACHE_BYTES
             self._file = h5py.File(path, "w", libver="v110", track_order=True, rdcc_nbytes=cache)
             self._reserved.reserve(_SPARE_BYTES)  # again, because h5py has truncated the file
-            self._make(edges_um, rows)
+            self._make(centres_um, rows)
             self._file.swmr_mode = True  # after all datasets: this mode cannot create any
         except BaseException:
             self._reserved.release()
             path.unlink()
             raise
 
-    def _make(self, edges_um: Sequence[FloatArray], rows: int) -> None:
+    def _make(self, centres_um: Sequence[FloatArray], rows: int) -> None:
         header, columns = self._header, self._columns
         creator = {"creator": "piezod", "creator_version": piezod.__version__}
         entry = new_entry(self._file, ENTRY, **creator)
@@ -136,14 +136,14 @@ class ScanFile:
             data = picture.create_dataset(name, shape, np.float64, chunks=chunk, fillvalue=np.nan)
             data.attrs["units"] = "um" if name.startswith(ERROR) else ""
         self._pictures = {name: picture[name] for name in (first, *further)}
-        self._make_scales(picture, edges_um, rows, flat=flat)
+        self._make_scales(picture, centres_um, rows, flat=flat)
         self._make_lists(entry, columns)
 
     def _make_scales(
-        self, picture: h5py.Group, edges_um: Sequence[FloatArray], rows: int, *, flat: bool
+        self, picture: h5py.Group, centres_um: Sequence[FloatArray], rows: int, *, flat: bool
     ) -> None:
         names = [f"{axis}_um" for axis in self._header.axes]
-        scales = dict(zip(names, (0.5 * (e[:-1] + e[1:]) for e in edges_um), strict=True))
+        scales = dict(zip(names, centres_um, strict=True))
         order = names[::-1]
         if not flat and len(names) == 1:
             scales["line"] = np.arange(rows, dtype=np.float64)

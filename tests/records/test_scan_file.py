@@ -13,7 +13,7 @@ import pytest
 from piezod.records.figures.scan import scan_figure
 from piezod.records.scan_file import ScanFile, ScanHeader, SweptPixels, is_scan, read_scan
 
-EDGES = (np.linspace(0.0, 4.0, 5), np.linspace(10.0, 13.0, 4))
+CENTRES = (np.linspace(0.5, 3.5, 4), np.linspace(10.5, 12.5, 3))
 KILLED = """
 import os, signal, sys
 from pathlib import Path
@@ -32,7 +32,7 @@ def header(*inputs: str, both_ways: bool = False) -> ScanHeader:
 
 def new_file(path: Path, head: ScanHeader | None = None) -> ScanFile:
     """Return a new file of 4 x 3 pixels."""
-    return ScanFile(path, head or header("photons"), EDGES, 3, 4)
+    return ScanFile(path, head or header("photons"), CENTRES, 3, 4)
 
 
 def sweep(row: int, *, backward: bool = False) -> SweptPixels:

@@ -215,7 +215,7 @@ class _Frame:
         if self._harmonics is not None and plan.line_um is not None and self._line_um is not None:
             shape_um = self._shape(line, self._harmonics)
             self._line_um = self._line_um + shape_um
-        pixel = np.array([abs(edges[1] - edges[0]) for edges in plan.edges_um])
+        pixel = plan.pixel_um
         parts = [np.mean((offset_um / pixel) ** 2), np.mean((shape_um / pixel[0]) ** 2)]
         if plan.line_um is not None:
             swing = 0.25 * plan.pixels  # about the rms value of a line, in pixels
@@ -248,7 +248,7 @@ class _Frame:
         if self._before is None:
             return np.zeros(len(self._plan.axes))
         drift_um = np.mean(offset_um - self._before.offset_um + self._before.step_um, axis=0)
-        pixel_um = np.array([abs(edges[1] - edges[0]) for edges in self._plan.edges_um])
+        pixel_um = self._plan.pixel_um
         return np.asarray(
             FORESEEN * np.clip(drift_um, -MOST_DRIFT * pixel_um, MOST_DRIFT * pixel_um)
         )

@@ -106,8 +106,6 @@ class ErrorCount:
         self._plan = plan
         margin = round(0.5 * (1.0 - MIDDLE) * plan.pixels)
         self._middle = slice(margin, plan.pixels - margin)
-        self._centres = [0.5 * (edges[:-1] + edges[1:]) for edges in plan.edges_um]
-        self._pixel = [abs(float(edges[1] - edges[0])) for edges in plan.edges_um]
         self._max = np.full(2, -np.inf)
         self._squares, self._count, self._apart = np.zeros(2), 0, -np.inf
         self._before: FloatArray | None = None
@@ -119,13 +117,13 @@ class ErrorCount:
         rows = rows[self._middle]
         errors = np.full((2, len(rows)), np.nan)
         if plan.is_stack:
-            errors[1] = (rows[:, 0] - self._centres[0][plan.rows[sweep]]) / self._pixel[0]
+            errors[1] = (rows[:, 0] - plan.centres_um[0][plan.rows[sweep]]) / plan.pixel_um[0]
         else:
-            errors[0] = (rows[:, 0] - self._centres[0][self._middle]) / self._pixel[0]
+            errors[0] = (rows[:, 0] - plan.centres_um[0][self._middle]) / plan.pixel_um[0]
             if len(plan.axes) > 1:
-                errors[1] = (rows[:, 1] - self._centres[1][plan.rows[sweep]]) / self._pixel[1]
+                errors[1] = (rows[:, 1] - plan.centres_um[1][plan.rows[sweep]]) / plan.pixel_um[1]
             if self._before is not None:
-                apart = np.max(np.abs(rows[:, 0] - self._before)) / self._pixel[0]
+                apart = np.max(np.abs(rows[:, 0] - self._before)) / plan.pixel_um[0]
                 self._apart = max(self._apart, float(apart))
             self._before = rows[:, 0]
         self._max = np.maximum(self._max, np.max(np.abs(errors), axis=1))

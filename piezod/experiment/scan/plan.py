@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from piezod.config.scan import MODE_PERIODS, LineScan, RasterScan, StackScan
+from piezod.config.scan import MODE_PERIODS, LineScan, RasterScan, SpanConfig, StackScan
 from piezod.devices.scan_table import Mask
 from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
@@ -44,7 +44,8 @@ class ScanPlan:
     pulses: Mask  #: (points,) pulses of a sweep; empty for none.
     framed: int  #: Bit of the line that pulses with the first pixel of the frame.
     pause: int  #: Point of a sweep at which the fast axis stands still.
-    edges_um: tuple[FloatArray, ...]  #: Edges of the pixels along each axis, in µm.
+    centres_um: tuple[FloatArray, ...]  #: Centres of the pixels along each axis, in µm.
+    pixel_um: FloatArray  #: (axes,) size of a pixel along each axis, in µm.
     sweeps_per_line: int = 1  #: Sweeps of a line.
     turns_back: bool = False  #: Whether every other sweep goes backward.
 
@@ -135,12 +136,11 @@ def _swept(scan: RasterScan | LineScan, axes: Mapping[str, PlannedAxis]) -> Scan
     rows = sweeps // scan.sweeps_per_line
     levels = np.zeros((sweeps.size, len(scan.spans)))
     if isinstance(scan, RasterScan):
-        levels[:, 1] = _centres(_edges(scan.slow.from_um, scan.slow.to_um, scan.lines))[rows]
+        levels[:, 1] = _centres(scan.slow)[rows]
     turns_back = scan.sweeps != "forward"
     line_um = (_there_and_back if turns_back else _with_flyback)(
         fast.from_um, fast.to_um, active, points
     )
-    edges = tuple(_edges(span.from_um, span.to_um, span.pixels) for span in scan.spans)
     pulses, framed = _pulses(scan, points, active, fast.pixels)
     return ScanPlan(
         axes=tuple(span.axis for span in scan.spans),
@@ -156,7 +156,8 @@ def _swept(scan: RasterScan | LineScan, axes: Mapping[str, PlannedAxis]) -> Scan
         framed=framed,
         # The fast axis stands still where it is furthest in the turn.
         pause=active + int(np.argmax(np.abs(line_um[active:points] - fast.from_um))),
-        edges_um=edges,
+        centres_um=tuple(map(_centres, scan.spans)),
+        pixel_um=_pixels(scan),
         sweeps_per_line=scan.sweeps_per_line,
         turns_back=turns_back,
     )
@@ -166,7 +167,6 @@ def _stack(scan: StackScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
     span = scan.planes
     active = max(2, round(scan.plane_s * NS_PER_S / scan.interval_ns))
     points = active + max(2, round(scan.move_s * NS_PER_S / scan.interval_ns))
-    edges = _edges(span.from_um, span.to_um, span.pixels)
     pulses, framed = _pulses(scan, points, active, 1)
     return ScanPlan(
         axes=(span.axis,),
@@ -175,22 +175,24 @@ def _stack(scan: StackScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
         active=active,
         pixels=1,
         line_um=None,
-        levels_um=_centres(edges)[:, None],
+        levels_um=_centres(span)[:, None],
         blend=_blend(scan, points, active, axes),
         rows=tuple(range(span.pixels)),
         pulses=pulses,
         framed=framed,
         pause=points,
-        edges_um=(edges,),
+        centres_um=(_centres(span),),
+        pixel_um=_pixels(scan),
     )
 
 
-def _edges(from_um: float, to_um: float, pixels: int) -> FloatArray:
-    return np.linspace(from_um, to_um, pixels + 1)
+def _centres(span: SpanConfig) -> FloatArray:
+    share = (np.arange(span.pixels) + 0.5) / span.pixels
+    return np.asarray(span.from_um + (span.to_um - span.from_um) * share)
 
 
-def _centres(edges: FloatArray) -> FloatArray:
-    return np.asarray(0.5 * (edges[:-1] + edges[1:]))
+def _pixels(scan: AnyScan) -> FloatArray:
+    return np.array([abs(span.to_um - span.from_um) / span.pixels for span in scan.spans])
 
 
 def smooth_step(u: FloatArray) -> FloatArray:

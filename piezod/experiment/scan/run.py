@@ -206,7 +206,7 @@ def store_frame(
         OSError: If the file cannot be written.
     """
     measured, true = ErrorCount(plan), ErrorCount(plan)
-    with ScanFile(file, header, plan.edges_um, plan.n_rows, plan.pixels) as written:
+    with ScanFile(file, header, plan.centres_um, plan.n_rows, plan.pixels) as written:
         for samples in sweeps:
             pixels = pixels_of(samples, plan, sensor_delay_s)
             k = pixels.sweep
