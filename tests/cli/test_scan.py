@@ -55,6 +55,15 @@ def test_other_commands_know_a_scan(piezod: Command) -> None:
     assert "`piezod scan`" in run.err
 
 
+def test_the_loop_needs_no_table(piezod: Command, folder: Path) -> None:
+    """Its scans learn no line that `--tables` could store."""
+    config(folder)
+    file = folder / "scan.yaml"
+    file.write_text(file.read_text().partition("  pulses:")[0] + "  mode: trimmed\n")
+
+    assert "only without `mode`" in piezod("scan", file, "--tables", folder).err
+
+
 def test_options_of_a_running_stage_need_one(piezod: Command) -> None:
     """And its seed is its own."""
     assert "--live" in piezod("scan", RASTER, "--stage", "bench").err

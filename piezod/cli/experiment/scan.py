@@ -38,7 +38,8 @@ _TablesOption: TypeAlias = Annotated[
         exists=True,
         file_okay=False,
         readable=False,
-        help="Folder of learned tables: begin with the line in it whose conditions are the same.",
+        help="Folder of learned tables: begin with the line in it whose conditions are the same, "
+        "and store the learned one there.",
     ),
 ]
 

@@ -19,6 +19,7 @@ from piezod.experiment.live.scan import scan_live
 from piezod.experiment.play.learn import PassReport
 from piezod.experiment.scan.learn import FrameReport
 from piezod.experiment.scan.pixels import PixelErrors
+from piezod.experiment.scan.plan import AnyScan
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told
 from piezod.experiment.virtual.scan import scan_virtually
 from piezod.records.new_name import free_name
@@ -57,6 +58,7 @@ def run(
         told = _Teller(progress, quiet=json).told
         if connect is not None:
             scan = load_scan(file)
+            _check_tables(scan, tables)
             with unwinding(), connect() as client:
                 result = scan_live(client, scan, setting, told)
         else:
@@ -64,6 +66,7 @@ def run(
             wanted = config.scan
             if wanted is None:
                 raise typer.BadParameter(f"{file} has no `scan:`", param_hint="FILE")
+            _check_tables(wanted, tables)
             if seed is not None:
                 config = config.model_copy(update={"seed": seed})
             result = scan_virtually(config, wanted, setting, told)
@@ -71,6 +74,12 @@ def run(
         print_json(_document(result))
     else:
         typer.echo(f"Scan: {result.file}; `piezod plot {result.file}` draws it.")
+
+
+def _check_tables(scan: AnyScan, tables: Path | None) -> None:
+    if tables is not None and scan.mode is not None:
+        message = f"only without `mode` (got {scan.mode}): the loop needs no table"
+        raise typer.BadParameter(message, param_hint="'--tables'")
 
 
 class _Teller:

@@ -1,7 +1,6 @@
 """Learns a periodic waveform on a running stage, whose device plays it by its own clock."""
 
 from collections.abc import Callable, Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +19,7 @@ from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import command_of
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
-from piezod.experiment.play.stored import (
-    Conditions,
-    file_part,
-    find_table,
-    to_table_file,
-    write_table,
-)
+from piezod.experiment.play.stored import find_table, store_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 
 REST_S = 1.0
@@ -107,7 +100,7 @@ def learn_waveform(  # noqa: PLR0913 - each is an option of `piezod play`
         learned = learn(playing.stage, known.task(command, wanted.settings, first_um), report)
         stage.disarm()
     if tables is not None:
-        note(f"stored as {_stored(tables, learned, playing.conditions)}")
+        note(f"stored as {store_table(tables, learned, playing.conditions)}")
     return learned
 
 
@@ -116,13 +109,6 @@ def _require_range(wave: WaveConfig, setup: LiveSetup, name: str) -> None:
     setup.model_of(name)
     for problem in out_of_range(wave.name, name, setup.axes[name], *wave.command_um.bounds()):
         raise DataError(problem)
-
-
-def _stored(tables: Path, play: LearnedPlay, conditions: Conditions) -> str:
-    """Store a learned table; return the name of its file."""
-    path = tables / f"table_{conditions.axis}_{file_part(play.given.name)}.yaml"
-    write_table(path, to_table_file(play, conditions, datetime.now().astimezone()))
-    return path.name
 
 
 def _wanted(wave: WaveConfig | Mapping[str, Any], **settings: float) -> _Wanted:

@@ -113,9 +113,16 @@ def write_table(path: Path, table: TableFile) -> None:
         temporary.write_text(dump_table(table), encoding="utf-8")
 
 
-def file_part(name: str) -> str:
-    """Return the part of a file name for a name of a waveform."""
-    return _OTHER_CHARACTERS.sub("-", name).strip("-") or "wave"
+def store_table(folder: Path, play: LearnedPlay, conditions: Conditions) -> str:
+    """Store a learned waveform under its name, for `find_table`; return the name of the file.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    part = _OTHER_CHARACTERS.sub("-", play.given.name).strip("-") or "wave"
+    path = folder / f"table_{conditions.axis}_{part}.yaml"
+    write_table(path, to_table_file(play, conditions, datetime.now().astimezone()))
+    return path.name
 
 
 class FoundTable(NamedTuple):

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
-from piezod.config.scan import StackScan
+from piezod.config.scan import LineScan, RasterScan, StackScan
 from piezod.control.law.dynamics import lowest_mode_hz
 from piezod.control.law.model import StageModel
 from piezod.control.law.response_files import response_model
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
-from piezod.experiment.play.stored import find_table
+from piezod.experiment.play.stored import find_table, store_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
 from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, SweepSamples, pixels_of
@@ -53,7 +53,7 @@ class ScanSetting(NamedTuple):
 
     file: Path  #: Path of the file to write; it must not exist.
     configuration: str  #: Text of the description, kept with the data.
-    tables: Path | None = None  #: Folder of learned tables of the line to begin with.
+    tables: Path | None = None  #: Folder of learned lines: where to look, and to store.
 
 
 def planned_axis(config: AxisConfig, model: StageModel) -> PlannedAxis:
@@ -120,7 +120,7 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
     """
     line = None
     if not isinstance(scan, StackScan):
-        line = _learned_line(scan.passes, plan, axes[plan.axes[0]], known, told, setting.tables)
+        line = _learned_line(scan, plan, axes[plan.axes[0]], known, told, setting.tables)
     task = ScanTask(
         plan,
         known,
@@ -165,7 +165,7 @@ def scan_header(
 
 
 def _learned_line(
-    passes: int,
+    scan: RasterScan | LineScan,
     plan: ScanPlan,
     axis: PlayingAxis,
     known: Mapping[str, KnownAxis],
@@ -173,14 +173,19 @@ def _learned_line(
     tables: Path | None,
 ) -> LearnedPlay:
     assert plan.line_um is not None  # noqa: S101 - a stack has no line
-    command = PeriodicCommand("line of a scan", plan.line_um, plan.interval_ns)
+    fast = scan.fast
+    name = f"line {fast.from_um:g} to {fast.to_um:g} um, {scan.lines_per_s:g} per s"
+    command = PeriodicCommand(name, plan.line_um, plan.interval_ns)
     first_um: FloatArray | None = None
     if tables is not None:
         first_um, text = find_table(tables, axis.conditions, command)
         told.note(text)
-    settings = PlaySettings(passes, SETTLE_S, RECORD_S)
+    settings = PlaySettings(scan.passes, SETTLE_S, RECORD_S)
     task = known[plan.axes[0]].task(command, settings, first_um)
-    return learn(axis.stage, task, told.line)
+    learned = learn(axis.stage, task, told.line)
+    if tables is not None:
+        told.note(f"stored as {store_table(tables, learned, axis.conditions)}")
+    return learned
 
 
 def store_frame(

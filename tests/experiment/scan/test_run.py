@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
-from piezod.config.scan import RasterScan, SpanConfig, StackScan
+from piezod.config.scan import LineScan, RasterScan, SpanConfig, StackScan
 from piezod.devices import registry
 from piezod.errors import DataError
+from piezod.experiment.play.learn import STORED
 from piezod.experiment.scan.learn import FrameReport
+from piezod.experiment.scan.plan import AnyScan
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told
 from piezod.experiment.virtual.scan import scan_virtually
+from piezod.records.new_name import free_name
 from piezod.records.scan_file import read_scan
 from piezod_drivers.simulated.pattern import counts_at
 
@@ -55,14 +58,14 @@ def config(folder: Path) -> ExperimentConfig:
 
 
 def scanned(
-    folder: Path, scan: RasterScan | StackScan | None = None
+    folder: Path, scan: AnyScan | None = None, tables: Path | None = None
 ) -> tuple[ScanResult, list[FrameReport], list[str]]:
     """Run it; return the result, the frames, and what was noted."""
     frames, notes = list[FrameReport](), list[str]()
     told = Told(lambda _: None, frames.append, lambda *_: None, notes.append)
     given = config(folder)
     assert given.scan is not None
-    setting = ScanSetting(folder / "scan.nxs", "text")
+    setting = ScanSetting(free_name(folder / "scan.nxs"), "text", tables)
     return scan_virtually(given, scan or given.scan, setting, told), frames, notes
 
 
@@ -81,6 +84,24 @@ def test_frames_are_learned_and_the_last_one_is_stored(tmp_path: Path) -> None:
     assert notes == [f"pulses of the device, in all frames: {3 * 24 * 12}, {3 * 12}, 3"]
     with h5py.File(result.file) as file:
         assert file["scan/configuration"][()] == b"text"
+
+
+def test_a_learned_line_is_stored_and_used_again(tmp_path: Path) -> None:
+    """With the same conditions a later scan begins with it; otherwise it says what has changed."""
+    span = SpanConfig(axis="x", from_um=6.0, to_um=18.0, pixels=24)
+    scan = LineScan(fast=span, repeats=4, lines_per_s=20.0, passes=1)
+    first, _, notes = scanned(tmp_path, scan, tmp_path)
+    again, _, then = scanned(tmp_path, scan, tmp_path)
+    _, _, other = scanned(tmp_path, scan.model_copy(update={"turn_share": 0.25}), tmp_path)
+    name = "table_x_line-6-to-18-um-20-per-s.yaml"
+
+    assert notes == [f"no table of this waveform in {tmp_path}", f"stored as {name}"]
+    assert then[0].startswith(f"begins with {name}")
+    assert other[0] == f"{name} is not used, changed since: another waveform"
+    assert first.line is not None
+    assert again.line is not None
+    assert again.line.reports[0].label == STORED
+    assert again.line.reports[0].measured.max_pct < 0.5 * first.line.reports[0].measured.max_pct
 
 
 def test_a_stack_pulses_once_in_each_plane(tmp_path: Path) -> None:
