@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from piezod.devices.interface import Device, Wiring
-from piezod.devices.played_axis import PlayedAxis
+from piezod.devices.played_axis import AxisTable, PlayedAxis, load_together
 from piezod.devices.played_scan import PlayedScan
 from piezod.devices.player import PlayState
 from piezod.devices.scan_table import ScanTable
@@ -138,6 +138,23 @@ def test_a_scan_in_parts_has_the_same_pulses(case: Case, monkeypatch: pytest.Mon
     assert all((block.end - table.pause) % table.points == 0 for block in blocks[:-1])
     assert pulses_of(bench) == [6 * PIXELS, 6, 1]
     assert len(position_um) == table.n_rows
+
+
+@CASES
+@pytest.mark.parametrize("lead_in", [0, 20])
+def test_each_period_has_its_pulses(case: Case, lead_in: int) -> None:
+    """Also behind a lead-in, with which a PI controller holds all periods as one wave."""
+    bench, scan = opened(case)
+    period_v = 0.1 * case.top * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)))
+    table = AxisTable(100_000, np.zeros(lead_in), period_v, cycles=3)
+    pulses = np.where(np.arange(40) % 10 < 5, PIXEL, 0).astype(np.uint8)
+    pulses[:5] |= LINE
+    load_together(scan.axes, [table, table], pulses, bench.time.t_ns)
+    scan.player.arm()
+    scan.player.start(bench.time.t_ns)
+    assert bench.progress_to_end().state is PlayState.ENDED
+
+    assert pulses_of(bench) == [12, 3, 0]
 
 
 @pytest.mark.stress

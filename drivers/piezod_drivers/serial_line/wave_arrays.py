@@ -38,11 +38,14 @@ def high_points(table: Table) -> list[tuple[int, int]]:
     """Return line and point, both from 1, of each point of the wave at which a line is high."""
     if table.pulses is None:
         return []
-    n_lead_in = len(table.lead_in)
+    pulses = table.pulses
+    if len(table.lead_in):  # the wave is the whole play
+        low = np.zeros(len(table.lead_in), pulses.dtype)
+        pulses = np.concatenate((low, np.tile(pulses, table.cycles)))
     return [
-        (line + 1, n_lead_in + int(point) + 1)
+        (line + 1, int(point) + 1)
         for line in range(8)
-        for point in np.flatnonzero(table.pulses >> line & 1)
+        for point in np.flatnonzero(pulses >> line & 1)
     ]
 
 
