@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeAlias
 
 from bluesky.protocols import (
     Collectable,
@@ -20,13 +21,16 @@ from ophyd_async.core import AsyncStatus, Device, PathInfo, PathProvider
 from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.play import Play
 from piezod.bluesky.recorded import Column, RecordedFile
+from piezod.bluesky.scan import Scan
 from piezod.bluesky.wave import Wave
 from piezod.client.mirror import take_exception
 from piezod.errors import ClientError, DataError, RefusedError
 
+Flight: TypeAlias = Wave | Play | Scan
+
 
 class PiezoFlyer(Device, Preparable, Flyable, Collectable, WritesStreamAssets, HasHints):
-    """Carries out a `Wave` or a `Play`, and gives each sample on the way as a row of a stream.
+    """Carries out a `Flight`, and gives each of its samples or pixels as a row of a stream.
 
     `prepare` checks it, and moves to the start of a wave; `kickoff` starts it; `complete` is done
     at its end, when the data are in the file that the path provider names. Each flight has a file
@@ -45,7 +49,7 @@ class PiezoFlyer(Device, Preparable, Flyable, Collectable, WritesStreamAssets, H
         path_provider: PathProvider | None,
     ) -> None:
         self._link, self._recorded, self._path_provider = link, columns, path_provider
-        self._prepared: Wave | Play | None = None
+        self._prepared: Flight | None = None
         self._flight: asyncio.Task[None] | None = None
         self._columns: Sequence[Column] = ()
         self._file: RecordedFile | None = None
@@ -62,8 +66,8 @@ class PiezoFlyer(Device, Preparable, Flyable, Collectable, WritesStreamAssets, H
         return self._flight is not None and not self._flight.done()
 
     @AsyncStatus.wrap
-    async def prepare(self, value: Wave | Play) -> None:
-        """Check a wave and move its axes to its start, or check a play.
+    async def prepare(self, value: Flight) -> None:
+        """Check a wave and move its axes to its start, or check a play or a scan.
 
         Raises:
             RefusedError: If it leaves the range of an axis, or there is no path provider.
@@ -86,7 +90,11 @@ class PiezoFlyer(Device, Preparable, Flyable, Collectable, WritesStreamAssets, H
         """
         prepared, self._prepared, self._file = self._prepared, None, None
         if prepared is None or self._path_provider is None:
-            raise RefusedError(f"{self.name}: nothing is prepared", "prepare a Wave first", "value")
+            raise RefusedError(
+                f"{self.name}: nothing is prepared",
+                "prepare a flight first",
+                "value",
+            )
         begun = asyncio.Event()
         place = self._path_provider(self.name)
         self._flight = asyncio.create_task(self._fly(prepared, place, begun))
@@ -140,7 +148,7 @@ class PiezoFlyer(Device, Preparable, Flyable, Collectable, WritesStreamAssets, H
     def _columns_now(self) -> Sequence[Column]:
         return self._columns or self._recorded()
 
-    async def _fly(self, prepared: Wave | Play, place: PathInfo, begun: asyncio.Event) -> None:
+    async def _fly(self, prepared: Flight, place: PathInfo, begun: asyncio.Event) -> None:
         file = Path(place.directory_path) / f"{place.filename}.h5"
         await asyncio.to_thread(_make_room, file, place.create_dir_depth)
         async with self._link.commanding():

@@ -28,11 +28,16 @@ class Column(NamedTuple):
     dataset: str  #: Path of its dataset in the file.
     source: str  #: Where its values come from.
     metadata: SignalMetadata  #: Unit, precision and limits.
+    dtype: str = _DTYPE  #: Type of its values, as numpy names it.
 
     def data_key(self) -> DataKey:
         """Return the description of the column, for the descriptor of the stream."""
         key = DataKey(
-            source=self.source, shape=[1], dtype="number", dtype_numpy=_DTYPE, external="STREAM:"
+            source=self.source,
+            shape=[1],
+            dtype="number" if self.dtype == _DTYPE else "integer",
+            dtype_numpy=self.dtype,
+            external="STREAM:",
         )
         return cast("DataKey", {**key, **self.metadata})
 
@@ -56,7 +61,7 @@ class RecordedFile:
         with h5py.File(file, "r") as opened:
             for column in columns:
                 dataset = opened.get(column.dataset)
-                if dataset is None or dataset.dtype.str != _DTYPE:
+                if dataset is None or dataset.dtype.str != column.dtype:
                     raise DataError(f"{file}: {column.dataset} is missing, or of another type")
                 lengths.add(len(dataset))
                 parameters = {

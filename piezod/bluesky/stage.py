@@ -69,7 +69,7 @@ class PiezoStage(StandardReadable):
 
     Attributes:
         axes: The axes, by name.
-        flyer: Follows waves, and lets the device play tables.
+        flyer: Follows waves, scans, and lets the device play tables.
         state: State of the stage.
         faults: Ids of the faults, separated by commas.
     """

@@ -1,5 +1,6 @@
 """The choice of the stage, and other parts that verbs for a running stage share."""
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -69,7 +70,7 @@ AxesOption: TypeAlias = Annotated[
 
 
 def connect(stage: str | None, socket: Path | None) -> StageClient:
-    """Return a client of the chosen stage.
+    """Return a client of the chosen stage, with the name in `PIEZOD_CLIENT`.
 
     Raises:
         typer.BadParameter: If both a name and a socket are given.
@@ -77,7 +78,7 @@ def connect(stage: str | None, socket: Path | None) -> StageClient:
     """
     if stage is not None and socket is not None:
         raise typer.BadParameter("--stage and --socket exclude each other")
-    return StageClient(stage, socket=socket)
+    return StageClient(stage, socket=socket, name=os.environ.get("PIEZOD_CLIENT", ""))
 
 
 def print_answer(answer: Message, text: str, *, json: bool) -> None:

@@ -3,11 +3,11 @@
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
-from piezod.config.document import Document
+from piezod.config.document import Document, SourcePlace
 from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.messages import suggest
 from piezod.config.play import IntervalUs
@@ -227,12 +227,11 @@ class StackScan(_Scan):
                 )
 
 
-ScanConfig: TypeAlias = Annotated[RasterScan | LineScan | StackScan, Field(discriminator="kind")]
+AnyScan: TypeAlias = RasterScan | LineScan | StackScan
+ScanConfig: TypeAlias = Annotated[AnyScan, Field(discriminator="kind")]
 
 
-def broken_scan(
-    scan: RasterScan | LineScan | StackScan, axes: Mapping[str, "AxisConfig"]
-) -> Iterator[BrokenRule]:
+def broken_scan(scan: AnyScan, axes: Mapping[str, "AxisConfig"]) -> Iterator[BrokenRule]:
     """Yield what does not fit between a scan and the axes of its file.
 
     Args:
@@ -268,7 +267,17 @@ class _File(ConfigModel):
     scan: ScanConfig
 
 
-def load_scan(path: Path) -> RasterScan | LineScan | StackScan:
+def scan_from(data: Mapping[str, Any]) -> AnyScan:
+    """Return the scan that the contents of `scan:` describe.
+
+    Raises:
+        ConfigError: If they are not valid.
+    """
+    document = Document("scan", {KEY: dict(data)}, {(): SourcePlace(0, 0)}, {})
+    return validate(document, _File, Context()).scan
+
+
+def load_scan(path: Path) -> AnyScan:
     """Return the `scan:` of a file: an experiment, or a file with that key alone.
 
     Raises:

@@ -12,7 +12,8 @@ from bluesky.consolidators import HDF5Consolidator
 from bluesky.run_engine import RunEngine
 from bluesky.utils import FailedStatus, MsgGenerator
 
-from piezod.bluesky import PiezoStage, Play, Wave
+from piezod.bluesky import PiezoStage, Wave
+from piezod.bluesky.flyer import Flight
 from piezod.errors import NotReachedError, RefusedError
 from tests.bluesky.rigs import CLOSE_UM, Bench, Documents
 from tests.bluesky.test_failures import state, when
@@ -22,7 +23,7 @@ pytestmark = pytest.mark.bluesky
 TRIANGLE = {"kind": "triangle", "low": 4.0, "high": 12.0, "frequency_hz": 0.5}
 
 
-def fly(stage: PiezoStage, *flights: Wave | Play) -> MsgGenerator[None]:
+def fly(stage: PiezoStage, *flights: Flight) -> MsgGenerator[None]:
     """Fly, each time with a file of its own."""
 
     @bpp.stage_decorator([stage])

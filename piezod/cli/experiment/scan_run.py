@@ -13,13 +13,12 @@ from piezod.cli.paths import check_writable
 from piezod.cli.progress import progress_bar, report_part
 from piezod.client import StageClient
 from piezod.config.experiment import load_experiment
-from piezod.config.scan import load_scan
+from piezod.config.scan import AnyScan, load_scan
 from piezod.devices import registry
 from piezod.experiment.live.scan import scan_live
 from piezod.experiment.play.learn import PassReport
 from piezod.experiment.scan.learn import FrameReport
 from piezod.experiment.scan.pixels import PixelErrors
-from piezod.experiment.scan.plan import AnyScan
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told
 from piezod.experiment.virtual.scan import scan_virtually
 from piezod.records.new_name import free_name

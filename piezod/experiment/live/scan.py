@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from piezod.client import StageClient
-from piezod.config.scan import broken_scan
+from piezod.config.scan import AnyScan, broken_scan
 from piezod.errors import DataError
 from piezod.experiment.live.play import REST_S, measured_axis
 from piezod.experiment.live.running_axis import playing_axis
@@ -16,7 +16,7 @@ from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.scan.by_loop import or_by_loop
 from piezod.experiment.scan.pixels import SweepSamples
-from piezod.experiment.scan.plan import AnyScan, plan_scan
+from piezod.experiment.scan.plan import plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,

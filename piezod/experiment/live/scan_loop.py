@@ -6,6 +6,7 @@ import numpy as np
 
 from piezod.client import StageClient
 from piezod.config.modes import Mode
+from piezod.config.scan import AnyScan
 from piezod.config.waveforms.paths import Points
 from piezod.config.waveforms.shapes import Setpoint
 from piezod.errors import DataError
@@ -13,7 +14,7 @@ from piezod.experiment.live.record import check_followed
 from piezod.experiment.live.setup import LiveSetup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.scan.by_loop import Cycles, plan_by_loop, run_by_loop
-from piezod.experiment.scan.plan import AnyScan, PlannedAxis
+from piezod.experiment.scan.plan import PlannedAxis
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told
 from piezod.records.recording.reader import RecordedTelemetry
 from piezod.units import NS_PER_S

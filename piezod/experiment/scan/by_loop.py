@@ -11,11 +11,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from piezod.config.axes import AxisConfig
-from piezod.config.scan import StackScan
+from piezod.config.scan import AnyScan, StackScan
 from piezod.config.waveforms.paths import Points
 from piezod.errors import DataError, DeviceError, RefusedError
 from piezod.experiment.scan.pixels import Int64Array, SweepSamples
-from piezod.experiment.scan.plan import AnyScan, PlannedAxis, ScanPlan, plan_scan
+from piezod.experiment.scan.plan import PlannedAxis, ScanPlan, plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,

@@ -7,13 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from piezod.config.scan import MODE_PERIODS, LineScan, RasterScan, SpanConfig, StackScan
+from piezod.config.scan import MODE_PERIODS, AnyScan, LineScan, RasterScan, SpanConfig, StackScan
 from piezod.devices.scan_table import Mask
 from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
-
-AnyScan = RasterScan | LineScan | StackScan
 
 
 class PlannedAxis(NamedTuple):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
-from piezod.config.scan import LineScan, RasterScan, StackScan
+from piezod.config.scan import AnyScan, LineScan, RasterScan, StackScan
 from piezod.control.law.dynamics import lowest_mode_hz
 from piezod.control.law.model import StageModel
 from piezod.control.law.response_files import response_model
@@ -18,7 +18,7 @@ from piezod.experiment.play.stored import find_table, store_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
 from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, SweepSamples, pixels_of
-from piezod.experiment.scan.plan import AnyScan, PlannedAxis, ScanPlan
+from piezod.experiment.scan.plan import PlannedAxis, ScanPlan
 from piezod.experiment.scan.stage import ScanStage
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.scan_file import ScanFile, ScanHeader, SweptPixels

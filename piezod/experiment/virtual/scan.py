@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
+from piezod.config.scan import AnyScan
 from piezod.control.law.compensated import limits_of
 from piezod.control.table_guard import TableGuard, TableRefusedError
 from piezod.devices.played_scan import BlockRecord, PlayedScan
@@ -12,7 +13,7 @@ from piezod.devices.player import CountsPulses
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.scan.by_loop import or_by_loop
 from piezod.experiment.scan.pixels import SweepSamples
-from piezod.experiment.scan.plan import AnyScan, plan_scan
+from piezod.experiment.scan.plan import plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,

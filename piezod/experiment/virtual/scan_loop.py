@@ -6,11 +6,12 @@ import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.modes import SENSED, Mode
+from piezod.config.scan import AnyScan
 from piezod.config.waveforms.paths import Points
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.reference.motion import MotionLimits, lead_in, rest_at, waveform_motion
 from piezod.experiment.scan.by_loop import Cycles, plan_by_loop, run_by_loop
-from piezod.experiment.scan.plan import AnyScan, PlannedAxis
+from piezod.experiment.scan.plan import PlannedAxis
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told, planned_axis
 from piezod.experiment.virtual.identify import IdentifiedAxis, identify_axes
 from piezod.experiment.virtual.ringing import RingingWatch

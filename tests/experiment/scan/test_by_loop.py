@@ -8,7 +8,7 @@ import pytest
 
 from piezod.config.experiment import load_experiment
 from piezod.config.modes import Mode
-from piezod.config.scan import LineScan, StackScan
+from piezod.config.scan import AnyScan, LineScan, StackScan
 from piezod.devices import registry
 from piezod.errors import DataError
 from piezod.experiment.scan.by_loop import (
@@ -21,7 +21,7 @@ from piezod.experiment.scan.by_loop import (
     waveforms_of,
 )
 from piezod.experiment.scan.learn import FrameReport
-from piezod.experiment.scan.plan import AnyScan, ScanPlan
+from piezod.experiment.scan.plan import ScanPlan
 from piezod.experiment.scan.run import ScanSetting, Told
 from piezod.experiment.virtual.scan import scan_virtually
 from piezod.hysteresis.memory import FloatArray

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from piezod.config.scan import LineScan, PulsesConfig, RasterScan, SpanConfig, StackScan
+from piezod.config.scan import AnyScan, LineScan, PulsesConfig, RasterScan, SpanConfig, StackScan
 from piezod.errors import DataError
-from piezod.experiment.scan.plan import AnyScan, PlannedAxis, ScanPlan, plan_scan
+from piezod.experiment.scan.plan import PlannedAxis, ScanPlan, plan_scan
 
 AXIS = PlannedAxis((0.0, 26.0), 734.0, 4000.0, 0.0005)
 AXES = {"x": AXIS, "y": AXIS}

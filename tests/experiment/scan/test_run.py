@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
-from piezod.config.scan import LineScan, RasterScan, SpanConfig, StackScan
+from piezod.config.scan import AnyScan, LineScan, RasterScan, SpanConfig, StackScan
 from piezod.devices import registry
 from piezod.errors import DataError
 from piezod.experiment.play.learn import STORED
 from piezod.experiment.scan.learn import FrameReport
-from piezod.experiment.scan.plan import AnyScan
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told
 from piezod.experiment.virtual.scan import scan_virtually
 from piezod.records.new_name import free_name
