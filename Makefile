@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help demo docs docs-test compiled test test-compiled test-all test-lowest coverage stress faults export-code mutants chaos liars soak firmware board vm peers epics \
-	bluesky pymodaq qudi browser screenshots fuzz schemathesis check lint audit wheel release bench bench-peers figures lock clean
+	bluesky pymodaq pymmcore qudi browser screenshots fuzz schemathesis check lint audit wheel release bench bench-peers figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' Makefile
@@ -89,6 +89,9 @@ epics: $(STAMP) build/epics/.installed ## run the IOC and EPICS clients by other
 
 pymodaq: $(STAMP) build/pymodaq/.installed ## move a simulated stage with the example plug-in of PyMoDAQ
 	$(BIN)/python -m pytest -rs -m pymodaq tests/pymodaq
+
+pymmcore: $(STAMP) build/pymmcore/.installed ## acquire a z-stack with the example device of pymmcore-plus
+	$(BIN)/python -m pytest -rs -m pymmcore tests/pymmcore
 
 qudi: $(STAMP) build/qudi/.installed ## move a simulated stage with the example module of qudi
 	$(BIN)/python -m pytest -rs -m qudi tests/qudi
