@@ -17,6 +17,8 @@ from piezod.errors import DeviceError
 from piezod_drivers.modbus.emulation.labjack import LabJackServer
 from tests.drivers.modbus.play_bench import play_bench as labjack_bench
 from tests.drivers.play_bench import PlayBench
+from tests.drivers.serial_line.board_play_bench import needs_board
+from tests.drivers.serial_line.board_play_bench import play_bench as board_bench
 from tests.drivers.serial_line.pi_play_bench import play_bench as pi_bench
 
 PIXELS: Final = 16
@@ -49,7 +51,12 @@ T7: Final = Case(
 PI: Final = Case(
     lambda: pi_bench(2, trigger_outputs=3, wave_end="holds"), (("1", "1"), ("2", "2")), 60.0
 )
-CASES: Final = pytest.mark.parametrize("case", [T7, PI], ids=["t7", "pi"])
+BOARD: Final = Case(
+    lambda: board_bench(wiring=Wiring.both(("1", "2"))), (("1", "1"), ("2", "2")), 2.0
+)
+CASES: Final = pytest.mark.parametrize(
+    "case", [T7, PI, pytest.param(BOARD, marks=needs_board)], ids=["t7", "pi", "board"]
+)
 
 
 def snake(top: float, lines: int, interval_ns: int = 100_000, pixels: int = PIXELS) -> ScanTable:
