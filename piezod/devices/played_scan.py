@@ -116,17 +116,18 @@ class PlayedScan:
 
     def _room(self, table: ScanTable, *, first: bool = True) -> int:
         """Return the most points of a block; of the first one, behind the lead-in."""
-        able, lead_in = self.capabilities, len(table.lead_in_v) if first else 0
+        able = self.capabilities
+        lead_in = len(table.lead_in_v) if first else table.run_up_points
         columns = self._n_outputs + (1 if table.pulses.size else 0)
         points = able.points // columns if able.points_shared else able.points
-        if able.record_shares:  # which needs no lead-in
+        if able.record_shared:  # which needs no lead-in
             return min((points - lead_in) // 2, MOST_BLOCK_POINTS)
         return min(min(points, able.record_points) - lead_in, MOST_BLOCK_POINTS)
 
     def blocks(self, table: ScanTable) -> Iterator[ScanBlock]:
         """Yield the blocks of a scan that `misfit` has not refused.
 
-        Each ends where the axes stand still. Those after the first have no lead-in.
+        Each ends where the fast axis stands still. Those after the first begin with a run-up.
         """
         first, room = 0, self._room(table)
         while first < table.n_rows:
@@ -140,7 +141,7 @@ class PlayedScan:
     def columns(self, table: ScanTable, block: ScanBlock) -> list[AxisTable]:
         """Return the table of each axis in a block, for the guard."""
         rows = table.rows(block.first, block.end)
-        lead_in = table.lead_in_v if block.first == 0 else table.lead_in_v[:0]
+        lead_in = table.run_up(block.first) if block.first else table.lead_in_v
         return [
             AxisTable(table.interval_ns, lead_in[:, i], rows[:, i], 1)
             for i in range(len(self.axes))

@@ -147,6 +147,18 @@ def test_a_scan_in_parts_has_the_same_pulses(case: Case, monkeypatch: pytest.Mon
     assert len(position_um) == table.n_rows
 
 
+def test_a_part_begins_with_the_motion_before_it() -> None:
+    """Its run-up is the last period of the line, at the level that the slow axis has there."""
+    table = snake(T7.top, lines=6)
+    first = 3 * table.points + table.pause
+    run_up = table.run_up(first)
+    n = 2 * table.points
+
+    assert np.allclose(run_up[:, 0], table.rows(first - n, first)[:, 0])
+    assert np.allclose(run_up[:, 1], table.rows(first, first + 1)[0, 1])
+    assert table._replace(line_v=0.0 * table.line_v).run_up(first).size == 0
+
+
 @pytest.mark.stress
 @pytest.mark.timeout(1800)
 @CASES

@@ -44,7 +44,7 @@ class LinePulses(NamedTuple):
             int(starts[0]) if starts.size else 0,
             min(int(low[0]) if low.size else mask.size, _WHOLE - 1),
         )
-        given_points, given_lines = found._rising(mask.size)
+        given_points, given_lines = found.rising(mask.size)
         same = np.array_equal(given_points, points) and np.array_equal(given_lines, lines)
         if not same or frames.size > (found.frame > 0):
             raise DeviceError(
@@ -58,8 +58,8 @@ class LinePulses(NamedTuple):
         """The request."""
         return " ".join(("L", *map(str, self)))
 
-    def _rising(self, n_rows: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return the rows at which points and lines pulse."""
+    def rising(self, n_rows: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the rows, of so many, at which points and lines pulse."""
         starts = np.arange(self.skip, n_rows, self.length or n_rows)
         within = np.arange(0, self.active, self.point) if self.point else np.arange(0)
         points = (starts[:, None] + within).ravel()

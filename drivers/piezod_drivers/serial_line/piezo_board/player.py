@@ -60,7 +60,7 @@ class BoardPlayer:
             at_end=AtEnd.HOLDS,
             watchdog_while_playing=True,
             pulse_lines=LINES,
-            record_shares=True,
+            record_shared=True,
         )
 
     def load(self, table: Table, check: Check) -> Table:
