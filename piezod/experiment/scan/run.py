@@ -14,6 +14,7 @@ from piezod.control.law.response_files import response_model
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
+from piezod.experiment.play.record import BadRecordError, Flaw
 from piezod.experiment.play.stored import find_table, store_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
@@ -44,7 +45,8 @@ class ScanResult:
 
     file: Path  #: The file.
     plan: ScanPlan  #: Its plan.
-    line: LearnedPlay | None  #: The line learned alone; None for a stack.
+    #: The line learned alone; None for a stack, or if the device has no memory for it.
+    line: LearnedPlay | None
     frames: tuple[FrameReport, ...]  #: All frames; the last one is stored.
 
 
@@ -125,7 +127,8 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
         plan,
         known,
         {name: axes[name].conditions.rest_v for name in plan.axes},
-        None if line is None else line.wanted_um,
+        plan.line_um if line is None else line.wanted_um,
+        line is not None,
         scan.passes,
     )
     frames: list[FrameReport] = []
@@ -171,7 +174,8 @@ def _learned_line(
     known: Mapping[str, KnownAxis],
     told: Told,
     tables: Path | None,
-) -> LearnedPlay:
+) -> LearnedPlay | None:
+    """Learn the line; None if the device records too little of it: the frames learn it then."""
     assert plan.line_um is not None  # noqa: S101 - a stack has no line
     fast = scan.fast
     name = f"line {fast.from_um:g} to {fast.to_um:g} um, {scan.lines_per_s:g} per s"
@@ -182,7 +186,13 @@ def _learned_line(
         told.note(text)
     settings = PlaySettings(scan.passes, SETTLE_S, RECORD_S)
     task = known[plan.axes[0]].task(command, settings, first_um)
-    learned = learn(axis.stage, task, told.line)
+    try:
+        learned = learn(axis.stage, task, told.line)
+    except BadRecordError as error:
+        if error.flaw is not Flaw.SHORT:
+            raise
+        told.note("the device has no memory to learn the line alone: the frames learn it")
+        return None
     if tables is not None:
         told.note(f"stored as {store_table(tables, learned, axis.conditions)}")
     return learned
