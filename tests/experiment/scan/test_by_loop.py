@@ -1,5 +1,6 @@
 """A scan by the loop: its waveforms, its samples, and the whole of it in virtual time."""
 
+import json
 from pathlib import Path
 
 import h5py
@@ -10,11 +11,12 @@ from piezod.config.experiment import load_experiment
 from piezod.config.modes import Mode
 from piezod.config.scan import AnyScan, LineScan, StackScan
 from piezod.devices import registry
-from piezod.errors import DataError
+from piezod.errors import DataError, RefusedError
+from piezod.experiment.live.plan import LARGEST_REQUEST_BYTES
 from piezod.experiment.scan.by_loop import (
     HOLD_S,
-    MOST_POINTS,
     Cycles,
+    or_by_loop,
     parts_of,
     plan_by_loop,
     sweep_of,
@@ -32,10 +34,9 @@ from tests.experiment.scan.test_run import AXIS, MODEL, TEXT
 PERIOD_NS = 1_000_000
 
 
-def planned(scan: AnyScan | None = None) -> ScanPlan:
+def planned(scan: AnyScan) -> ScanPlan:
     """Return the plan of a scan at 1 kHz."""
-    slow = raster(pulses={}, lines_per_s=2.0, mode=Mode.TRIMMED)
-    return plan_by_loop(scan or slow, AXES, PERIOD_NS)
+    return plan_by_loop(scan, AXES, PERIOD_NS)
 
 
 def line(repeats: int = 80) -> LineScan:
@@ -44,18 +45,30 @@ def line(repeats: int = 80) -> LineScan:
     return LineScan.model_validate({**given, "mode": Mode.FEEDFORWARD})
 
 
-@pytest.mark.parametrize("scan", [None, line()])
-def test_waveforms_follow_the_plan(scan: LineScan | None) -> None:
+SNAKE, FORWARD = (
+    raster(pulses={}, lines_per_s=2.0, mode=Mode.TRIMMED, sweeps=sweeps)
+    for sweeps in ("snake", "forward")
+)
+STACK = StackScan.model_validate(
+    {"planes": span("x", 200), "plane_s": 0.2, "move_s": 0.1, "mode": Mode.TRIMMED}
+)
+
+
+@pytest.mark.parametrize(
+    ("scan", "least_parts"), [(SNAKE, 1), (FORWARD, 1), (line(), 2), (STACK, 2)]
+)
+def test_waveforms_follow_the_plan(scan: AnyScan, least_parts: int) -> None:
     """Each part fits into a request, begins where the one before ended, and is on the plan."""
     plan = planned(scan)
     parts = list(parts_of(plan))
     ends = [[each.points[-1][1] for each in waveforms_of(plan, part)[0].values()] for part in parts]
 
     assert [k for part in parts for k in part.sweeps] == list(range(plan.sweeps))
-    assert len(parts) > (1 if scan else 0)
+    assert len(parts) >= least_parts
     for number, part in enumerate(parts):
         waveforms, _ = waveforms_of(plan, part)
-        assert sum(len(each.points) for each in waveforms.values()) <= MOST_POINTS
+        bodies = [each.model_dump(mode="json") for each in waveforms.values()]
+        assert len(json.dumps(bodies)) < 0.95 * LARGEST_REQUEST_BYTES
         at = np.arange(part.first, part.end)
         t_s = HOLD_S + (at - part.first) * 1e-9 * PERIOD_NS
         got = np.stack([each.built(1.0).sample(t_s) for each in waveforms.values()], axis=1)
@@ -76,7 +89,7 @@ def cycles_of(t_s: FloatArray, late_ns: FloatArray) -> Cycles:
 
 def test_samples_are_those_of_the_instants_of_the_plan() -> None:
     """Also if cycles are late or missing, whose lateness is told."""
-    plan = planned()
+    plan = planned(SNAKE)
     part = next(parts_of(plan))
     nominal_s = np.arange(part.end - part.first + 1000) * 1e-3
     first = round(1000 * HOLD_S) - part.first
@@ -110,6 +123,12 @@ def test_a_pixel_has_two_cycles(scan: AnyScan, words: str) -> None:
     """A faster one is refused with its time and the least one."""
     with pytest.raises(DataError, match=f"{words}, allowed: at least 2 ms"):
         planned(scan)
+
+
+def test_the_refusal_of_a_running_stage_names_the_way_without_a_player() -> None:
+    """Its daemon knows no scans by the loop."""
+    with pytest.raises(DataError, match="no device that plays; with `mode:`"), or_by_loop():
+        raise RefusedError("no device that plays")
 
 
 def test_devices_that_do_not_play_are_scanned_by_the_loop(tmp_path: Path) -> None:
