@@ -16,6 +16,7 @@ from rich.progress import (
 )
 
 from piezod.cli.output import error_console
+from piezod.messages.documents import plain
 
 AS_JSON: Final = "PIEZOD_PROGRESS"
 """Environment variable: with the value `json`, progress is printed to stderr as lines of JSON."""
@@ -76,4 +77,5 @@ def _is_json() -> bool:
 
 
 def _print(document: dict[str, object]) -> None:
-    print(json.dumps(document), file=sys.stderr, flush=True)
+    # A page cannot read NaN, which JSON lacks: it becomes null.
+    print(json.dumps(plain(document), allow_nan=False), file=sys.stderr, flush=True)

@@ -72,3 +72,13 @@ def test_progress_is_lines_of_json_for_a_program_that_asks(
         {"activity": "fitting", "share": 0.006},
         {"part": {"label": "pass 1"}},
     ]
+
+
+def test_unknown_numbers_of_a_part_are_null(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A page could not read NaN."""
+    monkeypatch.setenv(AS_JSON, "json")
+    report_part({"true_px": {"fast_max": float("nan")}})
+
+    assert capsys.readouterr().err == '{"part": {"true_px": {"fast_max": null}}}\n'

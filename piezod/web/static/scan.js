@@ -5,6 +5,7 @@ import { fixed, UNKNOWN } from "./format.js";
 import { axisSelect, JobDialog, numberInput, table } from "./job_dialog.js";
 
 const SWEEPS = ["snake", "forward", "both"];
+const BY = { "": "device, from a table", feedforward: "loop, feedforward", adaptive: "loop, adaptive", trimmed: "loop, trimmed" };
 const SIZE = 200; // of the outline
 
 class ScanDialog extends JobDialog {
@@ -14,6 +15,7 @@ class ScanDialog extends JobDialog {
   form() {
     this.spans = { fast: this.#span(0), slow: this.#span(1) };
     this.sweeps = el("select", {}, SWEEPS.map((kind) => el("option", { value: kind }, kind)));
+    this.by = el("select", {}, Object.entries(BY).map(([mode, text]) => el("option", { value: mode }, text)));
     this.numbers = {
       lines_per_s: numberInput(5, { min: 0.001 }), interval_us: numberInput(50, { min: 0.1 }), passes: numberInput(3, { min: 0, max: 20, step: 1 }),
     };
@@ -23,11 +25,11 @@ class ScanDialog extends JobDialog {
     this.context.call("GET", "/v1/config").then((config) => this.#take(config), () => {});
     const form = el(
       "div", {},
-      el("p", { class: "quiet" }, "The device plays a raster by its own clock. Whole frames are learned before the one that is stored. The stage is disarmed at the end."),
+      el("p", { class: "quiet" }, "The device plays a raster by its own clock, and whole frames are learned before the one that is stored; or the loop scans. The stage is disarmed at the end."),
       ...Object.entries(this.spans).map(([name, each]) => el(
         "div", { class: "fields" }, field(name === "fast" ? "Fast axis" : "Slow axis", each.axis), field("From", each.from_um, "µm"), field("To", each.to_um, "µm"), field("Pixels", each.pixels),
       )),
-      el("div", { class: "fields" }, field("Sweeps", this.sweeps), field("Lines per second", lines_per_s), field("Corrections", passes)),
+      el("div", { class: "fields" }, field("By", this.by), field("Sweeps", this.sweeps), field("Lines per second", lines_per_s), field("Corrections", passes)),
       el("details", {}, el("summary", {}, "Table and pulses"), el(
         "div", { class: "fields" }, field("Interval of the table", interval_us, "µs"),
         ...Object.entries(this.pulses).map(([name, input]) => field(`Line of pulses, ${name}`, input)),
@@ -74,7 +76,8 @@ class ScanDialog extends JobDialog {
   wanted() {
     const spans = Object.fromEntries(Object.entries(this.spans).map(([name, { axis, ...numbers }]) => [name, { axis: axis.value, ...values(numbers) }]));
     const pulses = Object.fromEntries(Object.entries(values(this.pulses)).filter(([, line]) => Number.isFinite(line)));
-    return { axis: spans.fast.axis, scan: { kind: "raster", ...spans, sweeps: this.sweeps.value, ...values(this.numbers), pulses } };
+    const by = this.by.value ? { mode: this.by.value } : { pulses };
+    return { axis: spans.fast.axis, scan: { kind: "raster", ...spans, sweeps: this.sweeps.value, ...values(this.numbers), ...by } };
   }
 
   partsElement() {
