@@ -6,6 +6,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from piezod.devices.bus.table_check import waits_problem
 from piezod.devices.played_axis import AxisTable, PlayedAxis, load_together
 from piezod.devices.player import (
     AtEnd,
@@ -13,11 +14,13 @@ from piezod.devices.player import (
     KnowsTruePlay,
     Player,
     PlayerCapabilities,
+    SeenEdge,
     go_on,
 )
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
+from piezod.units import NS_PER_S
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 MOST_BLOCK_POINTS = 100_000
@@ -27,8 +30,12 @@ MOST_BLOCK_POINTS = 100_000
 class ScanBlock(NamedTuple):
     """Points that are loaded and played together."""
 
-    first: int  #: Index of the first point of all sweeps.
+    first: int  #: Index of the first point of all sweeps; negative for a lead-in by itself.
     end: int  #: Index behind the last one.
+
+    def longest_wait_ns(self, table: ScanTable) -> int:
+        """Return the longest time for which it waits for edges, in ns."""
+        return 0 if table.edges is None or self.first < 0 else table.edges.longest_ns
 
 
 class BlockRecord(NamedTuple):
@@ -37,16 +44,18 @@ class BlockRecord(NamedTuple):
     position_um: FloatArray  #: (k, axes) measured displacement, in µm; NaN if it is not valid.
     true_um: FloatArray  #: (k, axes) true displacement from rest, in µm; NaN if not known.
     detected: FloatArray  #: (k, inputs) values of the inputs beside, in their units.
+    edges: tuple[SeenEdge, ...] = ()  #: The edges, if it waits for them.
 
     def joined(self, later: "BlockRecord") -> "BlockRecord":
         """Return this record with a later one behind it."""
-        return BlockRecord(*map(np.concatenate, zip(self, later, strict=True)))
+        columns = [np.concatenate(both) for both in zip(self[:3], later[:3], strict=True)]
+        position_um, true_um, detected = columns
+        return BlockRecord(position_um, true_um, detected, self.edges + later.edges)
 
     def split(self, at: int) -> "tuple[BlockRecord, BlockRecord]":
         """Return the first samples, and those behind them."""
-        return BlockRecord(*(part[:at] for part in self)), BlockRecord(
-            *(part[at:] for part in self)
-        )
+        p, t, d, _ = self
+        return BlockRecord(p[:at], t[:at], d[:at]), BlockRecord(p[at:], t[at:], d[at:])
 
 
 class PlayedScan:
@@ -101,12 +110,8 @@ class PlayedScan:
                 f"pulses are for line {highest}, the device has {able.pulse_lines} lines of "
                 "pulses; see the options of its driver"
             )
-        most, lead_in = self._most_points(table), len(table.lead_in_v)
-        if lead_in + table.points > most:
-            return (
-                f"lead-in and one sweep have {lead_in + table.points} points for each axis, the "
-                f"device takes {most}: choose a longer interval"
-            )
+        if why := self._too_large(table):
+            return why
         if able.at_end is not AtEnd.HOLDS:
             return (
                 "it is not known whether the device holds its last voltages, as it must at the end "
@@ -114,17 +119,42 @@ class PlayedScan:
             )
         return ""
 
+    def _too_large(self, table: ScanTable) -> str:
+        """Return why a scan does not fit into the device, or waits too often; empty if it fits."""
+        most, lead_in = self._most_points(table), len(table.lead_in_v)
+        if table.edges is None:
+            if lead_in + table.points <= most:
+                return ""
+            return (
+                f"lead-in and one sweep have {lead_in + table.points} points for each axis, the "
+                f"device takes {most}: choose a longer interval"
+            )
+        if why := waits_problem(table.edges, self.capabilities.edge_waits):
+            return why
+        if (points := max(lead_in, table.n_rows)) <= most:
+            return ""
+        return (
+            f"a scan that waits for edges is loaded at once: it has {points} points for each axis, "
+            f"the device takes {most}; choose a longer interval, or fewer sweeps"
+        )
+
     def _most_points(self, table: ScanTable) -> int:
         able = self.capabilities
         columns = self._n_outputs + (1 if table.pulses.size else 0)
         points = able.points // columns if able.points_shared else able.points
-        return min(points, able.record_points)
+        return points // 2 if able.record_shared else min(points, able.record_points)
 
     def blocks(self, table: ScanTable) -> Iterator[ScanBlock]:
         """Yield the blocks of a scan that `misfit` has not refused.
 
-        Each ends where the axes stand still. Those after the first have no lead-in.
+        Each ends where the axes stand still. Those after the first have no lead-in. Where a device
+        waits for edges, the lead-in is a block by itself, and one block has all sweeps.
         """
+        if table.edges is not None:
+            if len(table.lead_in_v):
+                yield ScanBlock(-len(table.lead_in_v), 0)
+            yield ScanBlock(0, table.n_rows)
+            return
         most = min(self._most_points(table), MOST_BLOCK_POINTS + len(table.lead_in_v))
         first, room = 0, most - len(table.lead_in_v)
         while first < table.n_rows:
@@ -137,8 +167,9 @@ class PlayedScan:
 
     def columns(self, table: ScanTable, block: ScanBlock) -> list[AxisTable]:
         """Return the table of each axis in a block, for the guard."""
-        rows = table.rows(block.first, block.end)
-        lead_in = table.lead_in_v if block.first == 0 else table.lead_in_v[:0]
+        rows = table.lead_in_v if block.first < 0 else table.rows(block.first, block.end)
+        with_lead_in = block.first == 0 and table.edges is None
+        lead_in = table.lead_in_v if with_lead_in else table.lead_in_v[:0]
         return [
             AxisTable(table.interval_ns, lead_in[:, i], rows[:, i], 1)
             for i in range(len(self.axes))
@@ -152,7 +183,7 @@ class PlayedScan:
         now_ns: int,
         check: Check = go_on,
     ) -> FloatArray:
-        """Load a block; return the last voltage of each axis, shape (axes,), in V.
+        """Load a block; return its voltages as the device plays them, shape (k, axes), in V.
 
         Args:
             table: The scan.
@@ -166,9 +197,10 @@ class PlayedScan:
                 is to stay.
         """
         masks = table.masks(block.first, block.end)
-        pulses = masks if masks.size else None
-        echoed = load_together(self.axes, columns, pulses, now_ns, check)
-        return np.array([echo.period_v[-1] for echo in echoed])
+        pulses = masks if masks.size and block.first >= 0 else None
+        edges = table.edges if block.first >= 0 else None
+        echoed = load_together(self.axes, columns, pulses, now_ns, check, edges)
+        return np.stack([echo.period_v for echo in echoed], axis=1)
 
     def recording(self, block: ScanBlock, lead_in: int, check: Check = go_on) -> BlockRecord:
         """Return the record of a block that has ended, without its lead-in of this many points.
@@ -189,4 +221,15 @@ class PlayedScan:
             raise DeviceError(f"the record begins {-first} points after the first sweep")
         detected = record.positions[:, self._beside_places]
         kept = slice(first, first + block.end - block.first)
-        return BlockRecord(positions[kept], true_um[kept], detected[kept])
+        return BlockRecord(positions[kept], true_um[kept], detected[kept], record.edges)
+
+
+def missing_edge(table: ScanTable, record: BlockRecord) -> str:
+    """Return that an edge has not come, from the record of all sweeps; empty if all have."""
+    edges = table.edges
+    if edges is None or len(record.position_um) >= table.n_rows:
+        return ""
+    n = sum(edge.used for edge in record.edges)
+    where = f"in plane {n + 1} of {table.sweeps}" if edges.first else "before its first sweep"
+    within_s = edges.within_ns / NS_PER_S
+    return f"no pulse came within {within_s:g} s (within_s): the scan has ended {where}"

@@ -10,6 +10,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from piezod.devices.player import EdgeWaits
+
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.uint8]
 """A bit for each line of pulses, the lowest for line 1."""
@@ -29,6 +31,9 @@ class ScanTable(NamedTuple):
     framed: int = 0  #: Line of pulses, as a bit, that pulses once, at the first point.
     frame_points: int = 0  #: Points for which that pulse is high.
     pause: int = 0  #: Point of a sweep at which the fast axis stands still: a scan may pause there.
+    #: Where the device waits for edges, counted from the first sweep; None for nowhere.
+    edges: EdgeWaits | None = None
+    tail: int = 0  #: Points behind the last sweep, at its last voltages, in which edges count.
 
     @property
     def sweeps(self) -> int:
@@ -48,8 +53,8 @@ class ScanTable(NamedTuple):
 
     @property
     def n_rows(self) -> int:
-        """Number of points of all sweeps."""
-        return self.sweeps * self.points
+        """Number of points of all sweeps and the tail."""
+        return self.sweeps * self.points + self.tail
 
     def rows(self, first: int, end: int) -> FloatArray:
         """Return the voltages of points, shape (end - first, axes), in V.
@@ -59,6 +64,10 @@ class ScanTable(NamedTuple):
             end: Index behind the last one.
         """
         m, axes = self.blend.shape
+        if end > self.sweeps * m:  # the tail
+            last = self.sweeps * m
+            rows = self.rows(min(first, last - 1), last)
+            return np.concatenate((rows, np.repeat(rows[-1:], end - last, axis=0)))[first - end :]
         begin = first // m
         k = np.arange(begin, -(-end // m))
         after = np.minimum(k + 1, self.sweeps - 1)
@@ -76,6 +85,7 @@ class ScanTable(NamedTuple):
             return self.pulses
         at = np.arange(first, end)
         masks = self.pulses[at % self.points]
+        masks[at >= self.sweeps * self.points] = 0
         masks[at < self.frame_points] |= np.uint8(self.framed)
         return masks
 

@@ -14,6 +14,18 @@ struct play_plan {
     uint16_t room;     /* rows of the record; play_prepare sets it */
 };
 
+/* Rows of the period, counted through all cycles, before which a play holds its outputs until an edge comes. */
+struct play_waits {
+    uint16_t first, every; /* every: rows from one to the next, at least 1 */
+    uint16_t count;        /* 0: it waits nowhere */
+};
+
+struct play_edges {
+    uint16_t seen;   /* edges so far */
+    uint16_t stored; /* those of them whose time is known */
+    bool waiting;    /* whether the play waits for one */
+};
+
 /* Progress of the play that goes on, or of the last one. */
 struct play_progress {
     uint32_t cycle; /* complete cycles */
@@ -36,6 +48,18 @@ bool play_is_prepared(void);
 
 /* Lines: a pulse at every `point` rows and at every `line` rows of the period; 0 for none. */
 void play_set_lines(uint16_t point, uint16_t line);
+
+/* Waits of the plays that are prepared from now on. */
+void play_set_waits(const struct play_waits *waits);
+
+/* Rows that the times of edges take of the memory. */
+uint16_t play_edge_rows(void);
+
+/* The edges of this play, or of the last one. */
+struct play_edges play_edges(void);
+
+/* Returns the time of a stored edge since the start, in us, and whether the play waited for it. */
+uint32_t play_edge(uint16_t at, bool *used);
 
 /* Starts the prepared play from the outputs in force, which were sampled last as given. */
 void play_start(enum clock clock, const uint16_t *out, const uint16_t *in);

@@ -52,6 +52,12 @@ void port_exchange(const uint16_t *out, uint16_t *in);
 void port_clock_start(enum clock clock, uint32_t interval);
 void port_clock_stop(void);
 
+/* Whether each edge is told to player_edge. While it is, the pin is watched also beside CLOCK_START_ON_EDGE. */
+void port_tell_edges(bool told);
+
+/* Time in us; it goes through 0 after 2^32 - 1. */
+uint32_t port_us(void);
+
 /* Whether the next point is due already. */
 bool port_tick_is_due(void);
 

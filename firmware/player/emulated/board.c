@@ -39,6 +39,8 @@ struct board {
     uint64_t last_set;
     uint64_t next_byte;     /* cycle at which the next byte from the host is complete */
     int may_send;           /* the receiver has room */
+    uint64_t next_edge, edge_every;
+    unsigned edges_left;
     uint8_t in[RING], out[RING];
     unsigned in_head, in_tail, out_n;
     char firmware[4096], name[9];
@@ -287,6 +289,14 @@ void board_edge(struct board *b)
     avr_raise_irq(pin, 1);
 }
 
+/* A camera at the trigger input: `edges` of them, `every` cycles, the first one at a cycle. */
+void board_camera(struct board *b, uint64_t first, uint64_t every, unsigned edges)
+{
+    b->next_edge = first;
+    b->edge_every = every;
+    b->edges_left = edges;
+}
+
 uint64_t board_cycle(struct board *b)
 {
     return b->avr->cycle;
@@ -314,6 +324,11 @@ void board_forget(struct board *b)
 int board_run(struct board *b, uint64_t until, int until_idle)
 {
     while (b->avr->cycle < until) {
+        if (b->edges_left && b->avr->cycle >= b->next_edge) {
+            board_edge(b);
+            b->next_edge += b->edge_every;
+            b->edges_left--;
+        }
         if (b->in_tail != b->in_head && b->may_send && b->avr->cycle >= b->next_byte) {
             b->next_byte = b->avr->cycle + BYTE_CYCLES;
             avr_raise_irq(avr_io_getirq(b->avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT), b->in[b->in_tail++ % RING]);

@@ -204,12 +204,17 @@ class VirtualStage:
             true_um=record.true_um - self._true_zero_um[place],
         )
 
-    def _play_out(self, player: Player, loaded: AxisTable, what: str) -> None:
+    def _play_out(self, player: Player, loaded: AxisTable, what: str, most_ns: int = 0) -> None:
+        """Play a loaded table to its end, which edges may delay until `most_ns`."""
         player.arm()
         player.start(self.now_ns)
         duration_ns = loaded.duration_ns + loaded.interval_ns  # a device may start a point later
+        last_ns = self.now_ns + most_ns
         self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
-        progress = player.progress(self.now_ns)
+        while (progress := player.progress(self.now_ns)).state is PlayState.PLAYING:
+            if self.now_ns > last_ns:
+                break
+            self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
         if progress.state is not PlayState.ENDED:
             player.abort(self.now_ns)
             why = progress.reason or f"it is {progress.state.value} after its duration"
@@ -239,12 +244,14 @@ class VirtualStage:
         columns = scan.columns(table, block)
         for name, column in zip(table.axes, columns, strict=True):
             guards[name].check(column, self.read_back_v(name))
-        end_v = scan.load(table, block, columns, self.now_ns)
-        self._play_out(scan.player, columns[0], "the scan")
+        held_v = scan.load(table, block, columns, self.now_ns)
+        most_ns = columns[0].duration_ns + block.longest_wait_ns(table)
+        self._play_out(scan.player, columns[0], "the scan", most_ns)
+        record = scan.recording(block, columns[0].lead_in_v.size)
         places = [self._names.index(name) for name in table.axes]
+        end_v = held_v[min(len(record.position_um), len(held_v)) - 1]
         for place, drive_v in zip(places, end_v.tolist(), strict=True):
             self.in_force_v[place] = drive_v
-        record = scan.recording(block, columns[0].lead_in_v.size)
         return record._replace(
             position_um=record.position_um - np.array(self._zero_um)[places],
             true_um=record.true_um - np.array(self._true_zero_um)[places],
