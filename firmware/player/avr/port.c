@@ -108,10 +108,10 @@ void port_store_name(const char *name)
 
 static void run_timer(uint16_t from)
 {
-    TCNT1 = from;
+    TCCR1B = _BV(WGM12) | _BV(CS10);
+    TCNT1 = from; /* after the start: simavr does not take it before */
     TIFR1 = _BV(OCF1A);
     TIMSK1 = _BV(OCIE1A);
-    TCCR1B = _BV(WGM12) | _BV(CS10);
 }
 
 void port_clock_start(enum clock clock, uint32_t interval)

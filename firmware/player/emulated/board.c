@@ -39,7 +39,7 @@ struct board {
     uint64_t last_set;
     uint64_t next_byte;     /* cycle at which the next byte from the host is complete */
     int may_send;           /* the receiver has room */
-    uint64_t next_edge, edge_every;
+    uint64_t edge_every;
     unsigned edges_left;
     uint8_t in[RING], out[RING];
     unsigned in_head, in_tail, out_n;
@@ -289,12 +289,20 @@ void board_edge(struct board *b)
     avr_raise_irq(pin, 1);
 }
 
-/* A camera at the trigger input: `edges` of them, `every` cycles, the first one at a cycle. */
+static avr_cycle_count_t on_camera(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    struct board *b = param;
+    (void)avr;
+    board_edge(b);
+    return --b->edges_left ? when + b->edge_every : 0;
+}
+
+/* A camera at the trigger input: at least one edge, every so many cycles, the first one at a cycle to come. */
 void board_camera(struct board *b, uint64_t first, uint64_t every, unsigned edges)
 {
-    b->next_edge = first;
     b->edge_every = every;
     b->edges_left = edges;
+    avr_cycle_timer_register(b->avr, first - b->avr->cycle, on_camera, b);
 }
 
 uint64_t board_cycle(struct board *b)
@@ -324,11 +332,6 @@ void board_forget(struct board *b)
 int board_run(struct board *b, uint64_t until, int until_idle)
 {
     while (b->avr->cycle < until) {
-        if (b->edges_left && b->avr->cycle >= b->next_edge) {
-            board_edge(b);
-            b->next_edge += b->edge_every;
-            b->edges_left--;
-        }
         if (b->in_tail != b->in_head && b->may_send && b->avr->cycle >= b->next_byte) {
             b->next_byte = b->avr->cycle + BYTE_CYCLES;
             avr_raise_irq(avr_io_getirq(b->avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT), b->in[b->in_tail++ % RING]);

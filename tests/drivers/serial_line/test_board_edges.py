@@ -114,6 +114,18 @@ def test_what_does_not_fit_is_refused() -> None:
         bench.device.load(stack(planes=110))
 
 
+def test_a_point_follows_its_edge_at_once() -> None:
+    """Within 40 µs, and not an interval later."""
+    bench = started(stack(planes=5))
+    processor = bench.board.processor
+    processor.run(processor.cycle + FRAME)
+    before = processor.seen.sets
+    processor.edge()
+    processor.run(processor.cycle + CLOCK_HZ * 40 // 10**6)
+
+    assert processor.seen.sets == before + 1
+
+
 def test_edges_make_no_point_late() -> None:
     """At the shortest interval, with edges at any place between two points."""
     table = stack(planes=1)._replace(interval_ns=50 * US)
