@@ -30,12 +30,17 @@ MOST_BLOCK_POINTS = 100_000
 class ScanBlock(NamedTuple):
     """Points that are loaded and played together."""
 
-    first: int  #: Index of the first point of all sweeps; negative for a lead-in by itself.
+    first: int  #: Index of the first point of all sweeps; negative if it begins before them.
     end: int  #: Index behind the last one.
+
+    @property
+    def is_before(self) -> bool:
+        """Whether it has no sweep."""
+        return self.end <= 0
 
     def longest_wait_ns(self, table: ScanTable) -> int:
         """Return the longest time for which it waits for edges, in ns."""
-        return 0 if table.edges is None or self.first < 0 else table.edges.longest_ns
+        return 0 if table.edges is None or self.is_before else table.edges.longest_ns
 
 
 class BlockRecord(NamedTuple):
@@ -45,6 +50,7 @@ class BlockRecord(NamedTuple):
     true_um: FloatArray  #: (k, axes) true displacement from rest, in µm; NaN if not known.
     detected: FloatArray  #: (k, inputs) values of the inputs beside, in their units.
     edges: tuple[SeenEdge, ...] = ()  #: The edges, if it waits for them.
+    played: int = 0  #: Points of the block that were played.
 
     def joined(self, later: "BlockRecord") -> "BlockRecord":
         """Return this record with a later one behind it."""
@@ -54,7 +60,7 @@ class BlockRecord(NamedTuple):
 
     def split(self, at: int) -> "tuple[BlockRecord, BlockRecord]":
         """Return the first samples, and those behind them."""
-        p, t, d, _ = self
+        p, t, d = self[:3]
         return BlockRecord(p[:at], t[:at], d[:at]), BlockRecord(p[at:], t[at:], d[at:])
 
 
@@ -121,55 +127,64 @@ class PlayedScan:
 
     def _too_large(self, table: ScanTable) -> str:
         """Return why a scan does not fit into the device, or waits too often; empty if it fits."""
-        most, lead_in = self._most_points(table), len(table.lead_in_v)
+        lead_in, room = len(table.lead_in_v), self._room(table)
         if table.edges is None:
-            if lead_in + table.points <= most:
+            if table.points <= room:
                 return ""
             return (
-                f"lead-in and one sweep have {lead_in + table.points} points for each axis, the "
-                f"device takes {most}: choose a longer interval"
+                f"behind the lead-in of {lead_in} points the device has room for {room} points of "
+                f"each axis, a sweep has {table.points}: choose a longer interval"
             )
         if why := waits_problem(table.edges, self.capabilities.edge_waits):
             return why
-        if (points := max(lead_in, table.n_rows)) <= most:
+        points = max(lead_in + table.run_up_points, table.n_rows + table.points_from_pause)
+        if points <= room:
             return ""
         return (
             f"a scan that waits for edges is loaded at once: it has {points} points for each axis, "
-            f"the device takes {most}; choose a longer interval, or fewer sweeps"
+            f"the device takes {room}; choose a longer interval, or fewer sweeps"
         )
 
-    def _most_points(self, table: ScanTable) -> int:
+    def _room(self, table: ScanTable, *, first: bool = True) -> int:
+        """Return the most points of a block; of the first one, behind the lead-in."""
         able = self.capabilities
+        lead_in = len(table.lead_in_v) if first else table.run_up_points
         columns = self._n_outputs + (1 if table.pulses.size else 0)
         points = able.points // columns if able.points_shared else able.points
-        return points // 2 if able.record_shared else min(points, able.record_points)
+        if table.edges is not None:
+            return points // 2 if able.record_shared else min(points, able.record_points)
+        if able.record_shared:  # which needs no lead-in
+            return min((points - lead_in) // 2, MOST_BLOCK_POINTS)
+        return min(min(points, able.record_points) - lead_in, MOST_BLOCK_POINTS)
 
     def blocks(self, table: ScanTable) -> Iterator[ScanBlock]:
         """Yield the blocks of a scan that `misfit` has not refused.
 
-        Each ends where the axes stand still. Those after the first have no lead-in. Where a device
-        waits for edges, the lead-in is a block by itself, and one block has all sweeps.
+        Each ends where the fast axis stands still. Those after the first begin with a run-up. Where
+        a device waits for edges, one block has all sweeps, and what comes before is its own block.
         """
         if table.edges is not None:
-            if len(table.lead_in_v):
-                yield ScanBlock(-len(table.lead_in_v), 0)
-            yield ScanBlock(0, table.n_rows)
+            held = -table.points_from_pause
+            yield ScanBlock(held - len(table.before_pause()), held)
+            yield ScanBlock(held, table.n_rows)
             return
-        most = min(self._most_points(table), MOST_BLOCK_POINTS + len(table.lead_in_v))
-        first, room = 0, most - len(table.lead_in_v)
+        first, room = 0, self._room(table)
         while first < table.n_rows:
             whole = (first + room - table.pause) // table.points
             end = min(whole * table.points + table.pause, table.n_rows)
             if first + room >= table.n_rows:
                 end = table.n_rows
             yield ScanBlock(first, end)
-            first, room = end, most
+            first, room = end, self._room(table, first=False)
 
     def columns(self, table: ScanTable, block: ScanBlock) -> list[AxisTable]:
         """Return the table of each axis in a block, for the guard."""
-        rows = table.lead_in_v if block.first < 0 else table.rows(block.first, block.end)
-        with_lead_in = block.first == 0 and table.edges is None
-        lead_in = table.lead_in_v if with_lead_in else table.lead_in_v[:0]
+        if table.edges is not None:
+            lead_in = table.lead_in_v[:0]
+            rows = table.before_pause() if block.is_before else table.rows(*block)
+        else:
+            rows = table.rows(*block)
+            lead_in = table.run_up(block.first) if block.first else table.lead_in_v
         return [
             AxisTable(table.interval_ns, lead_in[:, i], rows[:, i], 1)
             for i in range(len(self.axes))
@@ -196,9 +211,10 @@ class PlayedScan:
             DeviceError: If the device refuses it, or does not know the voltage of an output that
                 is to stay.
         """
-        masks = table.masks(block.first, block.end)
-        pulses = masks if masks.size and block.first >= 0 else None
-        edges = table.edges if block.first >= 0 else None
+        masks, edges = table.masks(block.first, block.end), table.edges
+        pulses = masks if masks.size else None
+        if block.is_before:
+            pulses = edges = None
         echoed = load_together(self.axes, columns, pulses, now_ns, check, edges)
         return np.stack([echo.period_v for echo in echoed], axis=1)
 
@@ -220,8 +236,10 @@ class PlayedScan:
         if first < 0:
             raise DeviceError(f"the record begins {-first} points after the first sweep")
         detected = record.positions[:, self._beside_places]
-        kept = slice(first, first + block.end - block.first)
-        return BlockRecord(positions[kept], true_um[kept], detected[kept], record.edges)
+        before = 0 if block.is_before else max(-block.first, 0)
+        kept = slice(first + before, first + block.end - block.first)
+        played = len(positions) - first
+        return BlockRecord(positions[kept], true_um[kept], detected[kept], record.edges, played)
 
 
 def missing_edge(table: ScanTable, record: BlockRecord) -> str:

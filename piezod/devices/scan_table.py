@@ -60,7 +60,7 @@ class ScanTable(NamedTuple):
         """Return the voltages of points, shape (end - first, axes), in V.
 
         Args:
-            first: Index of the first point of all sweeps.
+            first: Index of the first point of all sweeps; negative for the turn before them.
             end: Index behind the last one.
         """
         m, axes = self.blend.shape
@@ -69,9 +69,10 @@ class ScanTable(NamedTuple):
             rows = self.rows(min(first, last - 1), last)
             return np.concatenate((rows, np.repeat(rows[-1:], end - last, axis=0)))[first - end :]
         begin = first // m
-        k = np.arange(begin, -(-end // m))
-        after = np.minimum(k + 1, self.sweeps - 1)
-        lines = self.line_v.reshape(-1, m, axes)[k % (len(self.line_v) // m)]
+        of = np.arange(begin, -(-end // m))
+        k = np.maximum(of, 0)  # before the first sweep they are at its offset
+        after = np.where(of < 0, 0, np.minimum(k + 1, self.sweeps - 1))
+        lines = self.line_v.reshape(-1, m, axes)[of % (len(self.line_v) // m)]
         offset, scale = (
             value[k, None] + (value[after] - value[k])[:, None] * self.blend
             for value in (self.offset_v, self.scale)
@@ -79,14 +80,43 @@ class ScanTable(NamedTuple):
         rows = (offset + scale * lines).reshape(-1, axes)
         return np.asarray(rows[first - begin * m : end - begin * m])
 
+    @property
+    def run_up_points(self) -> int:
+        """Points of a run-up: one period of the line; 0 if the line does not move."""
+        return len(self.line_v) if np.any(np.ptp(self.line_v, axis=0)) else 0
+
+    def run_up(self, first: int) -> FloatArray:
+        """Return the period of the line that ends before a point, at its offset and scale.
+
+        It brings a stage that has waited there to the motion before the wait.
+        """
+        n = self.run_up_points
+        k = first // self.points
+        after, blend = min(k + 1, self.sweeps - 1), self.blend[first % self.points]
+        offset, scale = (
+            value[k] + (value[after] - value[k]) * blend for value in (self.offset_v, self.scale)
+        )
+        lines = self.line_v[np.arange(first - n, first) % len(self.line_v)]
+        return np.asarray(offset + scale * lines)
+
+    @property
+    def points_from_pause(self) -> int:
+        """Points between the pause before the first sweep and that sweep; 0 if no line moves."""
+        return self.points - self.pause if self.run_up_points else 0
+
+    def before_pause(self) -> FloatArray:
+        """Return what brings a stage to the pause before the first sweep, shape (n, axes), in V."""
+        rows = np.concatenate((self.lead_in_v, self.run_up(0)))
+        return rows[: len(rows) - self.points_from_pause]
+
     def masks(self, first: int, end: int) -> Mask:
         """Return the pulses at points, shape (end - first,); empty without pulses."""
         if not self.pulses.size:
             return self.pulses
         at = np.arange(first, end)
         masks = self.pulses[at % self.points]
-        masks[at >= self.sweeps * self.points] = 0
-        masks[at < self.frame_points] |= np.uint8(self.framed)
+        masks[(at < 0) | (at >= self.sweeps * self.points)] = 0
+        masks[(at >= 0) & (at < self.frame_points)] |= np.uint8(self.framed)
         return masks
 
     def bounds_v(self) -> FloatArray:

@@ -41,7 +41,7 @@ static const char *identify(const char *at)
     say("lowest", PLAYER_LOWEST);
     say("highest", PLAYER_HIGHEST);
     say("safe", PLAYER_SAFE);
-    say("edges", 1);
+    say("edges", PORT_EDGES);
     return 0;
 }
 
@@ -197,12 +197,16 @@ static const char *prepare(const char *at)
 
 static const char *set_lines(const char *at)
 {
-    uint16_t point, line;
-    if (!text_count(&at, &point) || !text_count(&at, &line) || !text_ends(at))
+    struct play_lines lines = {.active = PLAY_WHOLE, .frame = PLAY_WHOLE};
+    if (!text_count(&at, &lines.point) || !text_count(&at, &lines.line))
+        return SYNTAX;
+    lines.length = lines.line;
+    if (!text_ends(at) && (!text_count(&at, &lines.length) || !text_count(&at, &lines.active) ||
+                           !text_count(&at, &lines.skip) || !text_count(&at, &lines.frame) || !text_ends(at)))
         return SYNTAX;
     if (player_state() == PLAYER_PLAYING)
         return BUSY;
-    play_set_lines(point, line);
+    play_set_lines(&lines);
     say_status();
     return 0;
 }
@@ -215,7 +219,7 @@ static const char *set_waits(const char *at)
         return SYNTAX;
     if (player_state() == PLAYER_PLAYING)
         return BUSY;
-    if (!waits.every)
+    if (!waits.every || (waits.count && !PORT_EDGES))
         return RANGE;
     if (waits.count > PORT_MEMORY_ROWS / 2)
         return MEMORY;

@@ -25,6 +25,16 @@ struct play_edges {
     uint16_t stored; /* those of them whose time is known */
     bool waiting;    /* whether the play waits for one */
 };
+/* Pulses in step with the rows of the period, which has lines behind its first `skip` rows. */
+struct play_lines {
+    uint16_t point;  /* rows from a pulse of a point to the next one in a line; 0 for none */
+    uint16_t line;   /* whether each line pulses at its first row */
+    uint16_t length; /* rows from a line to the next one; 0: the period has one line */
+    uint16_t active; /* rows of a line, from its beginning, in which points pulse */
+    uint16_t skip;
+    uint16_t frame;  /* rows of the first period in which the frame is high; PLAY_WHOLE for the whole play */
+};
+#define PLAY_WHOLE 65535u
 
 /* Progress of the play that goes on, or of the last one. */
 struct play_progress {
@@ -46,8 +56,7 @@ uint16_t play_outside(uint16_t rows);
 void play_prepare(const struct play_plan *plan);
 bool play_is_prepared(void);
 
-/* Lines: a pulse at every `point` rows and at every `line` rows of the period; 0 for none. */
-void play_set_lines(uint16_t point, uint16_t line);
+void play_set_lines(const struct play_lines *lines);
 
 /* Waits of the plays that are prepared from now on. */
 void play_set_waits(const struct play_waits *waits);

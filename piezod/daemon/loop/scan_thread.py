@@ -109,17 +109,19 @@ class ScanThread(DevicePlay):
         self._check()
         scan.player.arm()
         self._start(first_v)
-        ended = self._wait(columns[0].duration_ns + block.longest_wait_ns(table))
-        if ended and self._holds and table.edges is None:
+        wait_ns = block.longest_wait_ns(table)
+        ended = self._wait(columns[0].duration_ns + wait_ns)
+        if ended and self._holds and not wait_ns:
             self._resting_v = tuple(held_v[-1].tolist())
         self._check()
-        record = scan.recording(block, columns[0].lead_in_v.size, self._check)
-        n = len(record.position_um)
-        if table.edges is not None and self._holds:  # without an edge it has ended early
-            self._resting_v = tuple(held_v[n - 1].tolist()) if n else first_v
-        if block.first < 0:
+        if block.is_before:
             return ""
+        record = scan.recording(block, columns[0].lead_in_v.size, self._check)
+        if wait_ns and self._holds:  # without an edge it has ended early
+            last = record.played - 1
+            self._resting_v = first_v if last < 0 else tuple(held_v[last].tolist())
         self._store.add(record, self._job.zero_um)
-        self._done = min((block.first + n) // table.points, table.sweeps)
+        done = max(block.first, 0) + len(record.position_um)
+        self._done = min(done // table.points, table.sweeps)
         self._store.note(self._done, ended=False)
         return missing_edge(table, record)

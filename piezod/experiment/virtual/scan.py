@@ -64,7 +64,7 @@ class VirtualScanStage:
         k, m, self.edges = 0, table.points, ()
         for block in self._played.blocks(table):
             record = self._stage.play_block(self._played, table, block, self._guards)
-            if block.first < 0:
+            if record is None:
                 continue
             self.edges += record.edges
             first_ns = sweep_ns(table, self.edges).tolist()

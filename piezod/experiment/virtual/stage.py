@@ -234,8 +234,10 @@ class VirtualStage:
         table: ScanTable,
         block: ScanBlock,
         guards: Mapping[str, TableGuard],
-    ) -> BlockRecord:
+    ) -> BlockRecord | None:
         """Play some sweeps of a scan; return their record, relative to the zeros of the sensors.
+
+        What comes before a wait for an edge has no sweep, and so no record.
 
         Raises:
             DataError: If a guard refuses the table.
@@ -247,15 +249,21 @@ class VirtualStage:
         held_v = scan.load(table, block, columns, self.now_ns)
         most_ns = columns[0].duration_ns + block.longest_wait_ns(table)
         self._play_out(scan.player, columns[0], "the scan", most_ns)
+        if block.is_before:
+            self._keep_in_force(table, held_v[-1])
+            return None
         record = scan.recording(block, columns[0].lead_in_v.size)
+        if record.played:  # an edge has started it
+            self._keep_in_force(table, held_v[record.played - 1])
         places = [self._names.index(name) for name in table.axes]
-        end_v = held_v[min(len(record.position_um), len(held_v)) - 1]
-        for place, drive_v in zip(places, end_v.tolist(), strict=True):
-            self.in_force_v[place] = drive_v
         return record._replace(
             position_um=record.position_um - np.array(self._zero_um)[places],
             true_um=record.true_um - np.array(self._true_zero_um)[places],
         )
+
+    def _keep_in_force(self, table: ScanTable, drives_v: FloatArray) -> None:
+        for name, drive_v in zip(table.axes, drives_v.tolist(), strict=True):
+            self.in_force_v[self._names.index(name)] = drive_v
 
     def _zero(self, trace: FloatArray) -> None:
         """Zero the sensors to their means, and the truth to its means over the same samples."""

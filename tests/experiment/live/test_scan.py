@@ -38,7 +38,7 @@ class FakeLiveStage:
                 "inputs": ["photons"],
                 "first": first,
                 "samples": samples,
-                "edges": EDGES if request["edges"] else [],
+                "edges": EDGES if request.get("edges") else [],
             }
 
 

@@ -116,6 +116,8 @@ def test_an_edge_starts_a_frame(tmp_path: Path) -> None:
         assert opened["scan/pixels/row"].size == 24 * 12
     result.file.unlink()
 
+    # It has waited where the fast axis turns: the first sweep is as true as the others.
+    assert result.frames[-1].true.fast_max < 0.3
     assert (edge_s.tolist(), used.tolist()) == ([0.05], [1])
     with pytest.raises(DataError, match="before its first sweep"):
         scanned(tmp_path, scan, notes, first_s=1.0)
