@@ -121,3 +121,4 @@ def test_an_edge_starts_a_frame(tmp_path: Path) -> None:
     assert (edge_s.tolist(), used.tolist()) == ([0.05], [1])
     with pytest.raises(DataError, match="before its first sweep"):
         scanned(tmp_path, scan, notes, first_s=1.0)
+    assert not any("moved nothing" in note for note in notes)
