@@ -262,6 +262,8 @@ static const char *go(const char *at)
         return player_state() == PLAYER_OFF ? OFF : BUSY;
     if (!play_is_prepared())
         return "table";
+    if (clock == CLOCK_STEP_ON_EDGE && play_edge_rows())
+        return RANGE; /* each point waits already */
     player_go(clock);
     say_status();
     return 0;

@@ -253,7 +253,7 @@ void play_start(enum clock clock, const uint16_t *out, const uint16_t *in)
     now.late = now.last = now.gate = false;
     now.waits_left = waits.count;
     now.until_wait = waits.first + 1u;
-    now.waits = clock == CLOCK_START_ON_EDGE;
+    now.waits = 0;
     edges.seen = edges.used = edges.stored = 0;
     edges.last = &memory[PORT_MEMORY_ROWS * CH];
     edges.began = port_us();
@@ -272,10 +272,12 @@ void play_start(enum clock clock, const uint16_t *out, const uint16_t *in)
     }
     now.going = true;
     port_tell_edges(waits.count > 0);
-    if (now.gate)
+    if (now.gate) {
         wait_for_edge();
-    else
-        port_clock_start(clock, plan.interval);
+        return;
+    }
+    now.waits = clock == CLOCK_START_ON_EDGE;
+    port_clock_start(clock, plan.interval);
 }
 
 bool play_is_going(void)

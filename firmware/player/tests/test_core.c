@@ -250,7 +250,12 @@ static void an_edge_starts_the_first_row(void)
     ask("G");
     assert(fake.clock == CLOCK_START_ON_EDGE);
     expect("K", "K 0 0 1\n");
+    ask("A");
+    expect("G step", "E range\n");
+    ask("G start");
+    expect("K", "K 0 0 1\n");
     edge_at(500);
+    expect("K", "K 1 1 0\n");
     tick(20);
     expect("?", "S on - 1180 1190 1181 1191 2 20\n");
 }

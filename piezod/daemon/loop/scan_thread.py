@@ -67,9 +67,19 @@ class ScanStore:
         with self._rows.open("ab") as file:
             file.write(rows.astype("<f4").tobytes())
 
-    def note(self, done: int, *, ended: bool, failed: str = "") -> None:
-        """Write how many sweeps are stored, whether the scan has ended, and why it failed."""
+    def note(
+        self, done: int, *, ended: bool, failed: str = "", waits_s: float | None = None
+    ) -> None:
+        """Write how the scan goes on.
+
+        Args:
+            done: Number of sweeps that are stored.
+            ended: Whether it has ended.
+            failed: Why it failed.
+            waits_s: Longest wait for an edge, in s, while the device waits for edges.
+        """
         document = {**self._document, "done": done, "ended": ended, "failed": failed}
+        document["waits_s"] = waits_s
         with replacing(self._file) as temporary:
             temporary.write_text(json.dumps(document), encoding="utf-8")
 
@@ -110,6 +120,8 @@ class ScanThread(DevicePlay):
         scan.player.arm()
         self._start(first_v)
         wait_ns = block.longest_wait_ns(table)
+        if wait_ns and table.edges is not None:
+            self._store.note(0, ended=False, waits_s=table.edges.within_ns / NS_PER_S)
         ended = self._wait(columns[0].duration_ns + wait_ns)
         if ended and self._holds and not wait_ns:
             self._resting_v = tuple(held_v[-1].tolist())

@@ -1,6 +1,6 @@
 """A scan on a running stage, whose device plays it by its own clock."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -38,10 +38,13 @@ class RunningScanStage:
     Args:
         stage: The stage, armed and at rest.
         axes: Its axes, by name.
+        note: Called when a scan begins to wait for edges.
     """
 
-    def __init__(self, stage: LiveStage, axes: Mapping[str, PlayingAxis]) -> None:
-        self._stage, self._axes = stage, axes
+    def __init__(
+        self, stage: LiveStage, axes: Mapping[str, PlayingAxis], note: Callable[[str], None]
+    ) -> None:
+        self._stage, self._axes, self._note = stage, axes, note
         self.edges: tuple[SeenEdge, ...] = ()
         """The edges that the last scan has seen."""
 
@@ -52,8 +55,11 @@ class RunningScanStage:
     def scan(self, table: ScanTable) -> Iterator[SweepSamples]:
         """Play a scan, which the daemon checks; yield the samples of each sweep."""
         zero_um = np.array([self._axes[name].stage.zero_um for name in table.axes])
-        self.edges = ()
+        self.edges, waits = (), False
         for document in self._stage.scan(**_request(table)):
+            if not waits and (waits_s := document.get("waits_s")):
+                waits = True
+                self._note(f"the stage waits for pulses, {waits_s:g} s for each: start them")
             self.edges = tuple(SeenEdge(*edge) for edge in document.get("edges", ()))
             first_ns = sweep_ns(table, self.edges)
             samples, first = document["samples"], document["first"]
@@ -142,7 +148,7 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
         plan = plan_scan(
             scan, {name: with_measured_mode(planned[name], known[name]) for name in names}
         )
-        on = RunningScanStage(stage, axes)
+        on = RunningScanStage(stage, axes, told.note)
         result = run_scan(scan, plan, axes, known, on, inputs, setting, told)
         stage.disarm()
     return result

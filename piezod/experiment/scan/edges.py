@@ -48,8 +48,12 @@ def edge_notes(edges: Sequence[SeenEdge], planes: int) -> Iterator[str]:
 
     Args:
         edges: The edges of a scan.
-        planes: Number of its planes; 0 if only the first edge was waited for.
+        planes: Number of its planes; 0 if an edge has only started it.
     """
+    if not planes:
+        if (more := len(edges) - 1) > 0:
+            yield f"{_pulses(more)} came during the scan, and moved nothing"
+        return
     extra = [
         f"at {edge.t_ns / NS_PER_S:.4f} s {_where(before, planes)}"
         for edge, before in zip(edges, place_of(edges), strict=True)
@@ -72,8 +76,6 @@ def edge_notes(edges: Sequence[SeenEdge], planes: int) -> Iterator[str]:
 
 
 def _where(before: int, planes: int) -> str:
-    if not planes:
-        return "during the scan" if before else "before it"
     return f"in plane {before + 1}" if before < planes else "after the last plane"
 
 

@@ -147,7 +147,6 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
     )
     if plan.edges is not None:
         table = table._replace(edges=plan.edges, tail=plan.tail)
-        told.note(f"the stored frame waits for pulses, {scan.within_s:g} s for each: start them")
     report(_stored(stage, table, task, header, setting.file, told))
     return ScanResult(setting.file, plan, line, tuple(frames))
 

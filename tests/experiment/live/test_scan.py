@@ -25,6 +25,7 @@ class FakeLiveStage:
 
     def __init__(self) -> None:
         self.request: dict[str, Any] = {}
+        self.notes = list[str]()
 
     def scan(self, **request: Any) -> Iterator[dict[str, Any]]:
         """Note the request; yield nothing first, then two sweeps, then one."""
@@ -39,6 +40,7 @@ class FakeLiveStage:
                 "first": first,
                 "samples": samples,
                 "edges": EDGES if request.get("edges") else [],
+                "waits_s": 2.0 if request.get("edges") and not sweeps else None,
             }
 
 
@@ -67,8 +69,8 @@ def stage() -> tuple[FakeLiveStage, RunningScanStage]:
     axes = {
         name: SimpleNamespace(stage=SimpleNamespace(zero_um=zero)) for name, zero in zeros.items()
     }
-    on = RunningScanStage(cast("LiveStage", fake), cast("dict[str, PlayingAxis]", axes))
-    return fake, on
+    playing = cast("dict[str, PlayingAxis]", axes)
+    return fake, RunningScanStage(cast("LiveStage", fake), playing, fake.notes.append)
 
 
 def test_samples_come_sweep_by_sweep() -> None:
@@ -83,7 +85,7 @@ def test_samples_come_sweep_by_sweep() -> None:
 
 
 def test_sweeps_between_edges_have_their_time() -> None:
-    """Each begins some points behind the edge that ended the one before."""
+    """Each begins some points behind the edge that ended the one before; the wait is told."""
     fake, on = stage()
     sent = table()._replace(edges=EdgeWaits(3, POINTS, SWEEPS, 2_000_000_000), tail=5)
     found = list(on.scan(sent))
@@ -91,6 +93,7 @@ def test_sweeps_between_edges_have_their_time() -> None:
     assert isinstance(request, rq.Scan)
     got = scan_table(request)
 
+    assert len(fake.notes) == 1
     assert [sweep.first_ns for sweep in found] == [0, 250_000, 1_050_000]
     assert [edge.used for edge in on.edges] == [True, False, True, True]
     assert (got.edges, got.tail, got.n_rows) == (sent.edges, 5, SWEEPS * POINTS + 5)

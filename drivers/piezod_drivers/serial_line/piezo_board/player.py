@@ -99,7 +99,7 @@ class BoardPlayer:
         """Start the play and its record."""
         self._asked_ns, self._cycle = None, 0
         self._seen, self._given_up = -1, False
-        self._requests.start()
+        self._requests.start(self._require_table().edges)
 
     def progress(self, now_ns: int) -> Progress:
         """Ask now and then for the progress. Real-time safe."""

@@ -123,9 +123,9 @@ class WaveRequests:
     def _numbers(self, words: str, n: int) -> list[int]:
         return codec.numbers_of(self._host.ask_words(words), "K", n)
 
-    def start(self) -> None:
-        """Start the play, or let an edge start it."""
-        self._host.ask_status(_STARTS[self._host.options.play_on])
+    def start(self, edges: EdgeWaits | None) -> None:
+        """Start the play, or let an edge start it; one that waits for edges starts at once."""
+        self._host.ask_status("G" if edges else _STARTS[self._host.options.play_on])
 
     def recorded(self, n_rows: int, check: Check) -> list[int]:
         """Return the recorded codes, row by row."""
