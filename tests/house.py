@@ -94,12 +94,12 @@ def _files_with(name: str, kind: str, limit: int) -> Measure:
 
 def lines_of_product() -> Measure:
     """Count the lines of Python that are installed, by room."""
-    return _lines("product", PRODUCT, limit=116_000)
+    return _lines("product", PRODUCT, limit=116_600)
 
 
 def lines_of_tests() -> Measure:
     """Count the lines of the tests, by room."""
-    return _lines("tests", ("tests",), limit=118_000)
+    return _lines("tests", ("tests",), limit=118_600)
 
 
 def _lines(what: str, folders: Sequence[str], limit: int) -> Measure:

@@ -92,6 +92,13 @@ class _Scan(ConfigModel):
         description="Mode in which the loop scans, at its own rate; default: a device plays the "
         "scan from a table.",
     )
+    start: Literal["at once", "edge"] = Field(
+        default="at once",
+        description="edge: the stored frame starts at a rising edge of the device's trigger input.",
+    )
+    within_s: Annotated[float, Quantity(0.01, 3600, "s")] = Field(
+        default=10.0, description="Longest wait for an edge, s; the scan ends there without one."
+    )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.mode is not None and self.pulses.highest:
@@ -100,6 +107,8 @@ class _Scan(ConfigModel):
                 f"the loop has no lines of pulses (got mode {self.mode}): leave out `mode` if a "
                 "device plays the scan, or `pulses`",
             )
+        if self.mode is not None and self.start == "edge":
+            yield ("start",), f"the loop has no trigger input (got mode {self.mode}): leave it out"
 
     @property
     def interval_ns(self) -> int:
@@ -206,6 +215,11 @@ class StackScan(_Scan):
     move_s: Annotated[float, Quantity(1e-4, 60, "s")] = Field(
         description="Time to go to the next plane and to settle there, s."
     )
+    step: Literal["time", "edge"] = Field(
+        default="time",
+        description="edge: each rising edge of the device's trigger input ends a plane, and the "
+        "stage goes to the next one; plane_s and move_s are the shortest times.",
+    )
 
     @property
     def spans(self) -> tuple[SpanConfig, ...]:
@@ -214,7 +228,12 @@ class StackScan(_Scan):
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from super()._broken_rules()
+        if self.step == self.start == "edge":
+            yield ("start",), "leave it out: with `step: edge` the first plane waits for an edge"
         if self.mode is not None:
+            if self.step == "edge":
+                what = f"the loop has no trigger input (got mode {self.mode}): leave it out"
+                yield ("step",), what
             return
         least_s = 2e-6 * self.interval_us
         for key in ("plane_s", "move_s"):

@@ -10,7 +10,7 @@ import pytest
 from piezod.devices.interface import Device, Wiring
 from piezod.devices.played_axis import AxisTable, PlayedAxis, load_together
 from piezod.devices.played_scan import PlayedScan
-from piezod.devices.player import PlayState
+from piezod.devices.player import EdgeWaits, PlayState
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import ChannelPair
 from piezod.errors import DeviceError
@@ -213,7 +213,9 @@ def test_what_does_not_fit_is_refused_before_anything_is_sent(case: Case) -> Non
     table = snake(case.top, lines=4)
     high = table._replace(pulses=table.pulses | np.uint8(1 << 7))
     expected = "" if case is T7 else "pulses"
+    edges = EdgeWaits(0, 1, 1, 10**9)
 
+    assert case is BOARD or "not wait for edges" in scan.misfit(table._replace(edges=edges))
     assert "interval" in scan.misfit(table._replace(interval_ns=1_001))
     assert expected in scan.misfit(high)
     assert "longer interval" in scan.misfit(snake(case.top, lines=1, pixels=100_000))

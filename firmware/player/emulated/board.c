@@ -39,6 +39,8 @@ struct board {
     uint64_t last_set;
     uint64_t next_byte;     /* cycle at which the next byte from the host is complete */
     int may_send;           /* the receiver has room */
+    uint64_t edge_every;
+    unsigned edges_left;
     uint8_t in[RING], out[RING];
     unsigned in_head, in_tail, out_n;
     char firmware[4096], name[9];
@@ -292,6 +294,22 @@ void board_edge(struct board *b)
     avr_irq_t *pin = avr_io_getirq(b->avr, AVR_IOCTL_IOPORT_GETIRQ('D'), 2);
     avr_raise_irq(pin, 0);
     avr_raise_irq(pin, 1);
+}
+
+static avr_cycle_count_t on_camera(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    struct board *b = param;
+    (void)avr;
+    board_edge(b);
+    return --b->edges_left ? when + b->edge_every : 0;
+}
+
+/* A camera at the trigger input: at least one edge, every so many cycles, the first one at a cycle to come. */
+void board_camera(struct board *b, uint64_t first, uint64_t every, unsigned edges)
+{
+    b->edge_every = every;
+    b->edges_left = edges;
+    avr_cycle_timer_register(b->avr, first - b->avr->cycle, on_camera, b);
 }
 
 uint64_t board_cycle(struct board *b)

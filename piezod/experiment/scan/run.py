@@ -1,6 +1,6 @@
 """A scan from its description to its file, on a stage that plays it, virtual or running."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -11,12 +11,15 @@ from piezod.config.scan import AnyScan, LineScan, RasterScan, StackScan
 from piezod.control.law.dynamics import lowest_mode_hz
 from piezod.control.law.model import StageModel
 from piezod.control.law.response_files import response_model
+from piezod.devices.player import SeenEdge
+from piezod.errors import DeviceError, RefusedError
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
 from piezod.experiment.play.record import BadRecordError, Flaw
 from piezod.experiment.play.stored import find_table, store_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
+from piezod.experiment.scan.edges import edge_notes, place_of
 from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
 from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, SweepSamples, pixels_of
 from piezod.experiment.scan.plan import PlannedAxis, ScanPlan
@@ -140,8 +143,10 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
     table = learn_frame(stage, task, report)
     stage.rest()
     header = scan_header(scan, plan, inputs, setting)
-    sweeps = stage.scan(table)
-    report(store_frame(sweeps, plan, task.sensor_delay_s, header, setting.file, told))
+    if plan.edges is not None:
+        table = table._replace(edges=plan.edges, tail=plan.tail)
+    sweeps, seen = stage.scan(table), lambda: stage.edges
+    report(store_frame(sweeps, plan, task.sensor_delay_s, header, setting.file, told, seen))
     return ScanResult(setting.file, plan, line, tuple(frames))
 
 
@@ -164,6 +169,7 @@ def scan_header(
         both_ways=plan.sweeps_per_line > 1,
         configuration=setting.configuration,
         by_loop=scan.mode is not None,
+        edges=plan.edges is not None,
     )
 
 
@@ -175,7 +181,7 @@ def _learned_line(
     told: Told,
     tables: Path | None,
 ) -> LearnedPlay | None:
-    """Learn the line; None if the device records too little of it: the frames learn it then."""
+    """Learn the line; None if the device has no memory for that: the frames learn it then."""
     assert plan.line_um is not None  # noqa: S101 - a stack has no line
     fast = scan.fast
     name = f"line {fast.from_um:g} to {fast.to_um:g} um, {scan.lines_per_s:g} per s"
@@ -191,11 +197,15 @@ def _learned_line(
     except BadRecordError as error:
         if error.flaw is not Flaw.SHORT:
             raise
-        told.note("the device has no memory to learn the line alone: the frames learn it")
-        return None
-    if tables is not None:
-        told.note(f"stored as {store_table(tables, learned, axis.conditions)}")
-    return learned
+        why = f"{error}"
+    except (DeviceError, RefusedError) as error:  # of another cause it comes again with the frame
+        why = f"{error}"
+    else:
+        if tables is not None:
+            told.note(f"stored as {store_table(tables, learned, axis.conditions)}")
+        return learned
+    told.note(f"the line is not learned alone, but in the frames: {why}")
+    return None
 
 
 def store_frame(
@@ -205,6 +215,7 @@ def store_frame(
     header: ScanHeader,
     file: Path,
     told: Told,
+    edges: Callable[[], Sequence[SeenEdge]] = tuple,
 ) -> FrameReport:
     """Store a frame sweep by sweep, as it comes; return its errors.
 
@@ -215,22 +226,37 @@ def store_frame(
         header: What the file says about the scan.
         file: Path of the file; it must not exist.
         told: Who is told what.
+        edges: Returns the edges that were seen, for a plan that waits for some.
 
     Raises:
         PiezodError: If a sweep could not be had.
         OSError: If the file cannot be written.
     """
     measured, true = ErrorCount(plan), ErrorCount(plan)
+    k = -1
     with ScanFile(file, header, plan.centres_um, plan.n_rows, plan.pixels) as written:
-        for samples in sweeps:
-            pixels = pixels_of(samples, plan, sensor_delay_s)
-            k = pixels.sweep
-            swept = _swept(pixels, plan)
-            written.append(swept)
-            measured.add(k, pixels.position_um)
-            true.add(k, pixels.true_um)
-            told.sweep(swept, (k + 1) / plan.sweeps, plan.n_rows)
+        try:
+            for samples in sweeps:
+                pixels = pixels_of(samples, plan, sensor_delay_s)
+                k = pixels.sweep
+                swept = _swept(pixels, plan)
+                written.append(swept)
+                measured.add(k, pixels.position_um)
+                true.add(k, pixels.true_um)
+                told.sweep(swept, (k + 1) / plan.sweeps, plan.n_rows)
+        finally:
+            if plan.edges is not None:
+                _keep_edges(written, edges(), plan, told)
+            if k + 1 < plan.sweeps:
+                told.note(f"{k + 1} of {plan.sweeps} sweeps are stored in {file}")
     return FrameReport("stored", measured.errors, true.errors)
+
+
+def _keep_edges(written: ScanFile, edges: Sequence[SeenEdge], plan: ScanPlan, told: Told) -> None:
+    """Store the edges of a frame, and tell what is to be told of them."""
+    written.add_edges([edge.t_ns for edge in edges], place_of(edges), [x.used for x in edges])
+    for note in edge_notes(edges, plan.sweeps if plan.steps else 0):
+        told.note(note)
 
 
 def _swept(pixels: SweepPixels, plan: ScanPlan) -> SweptPixels:

@@ -27,12 +27,12 @@ def test_a_regular_mask_is_given_by_some_numbers(
     assert np.array_equal(np.flatnonzero(mask & 2), found.rising(mask.size)[1])
 
 
-def test_a_frame_is_high_from_the_beginning() -> None:
+def test_a_frame_is_high_from_the_first_line() -> None:
     """It is told by its rows; without one it is low."""
     mask = np.zeros(20, np.uint8)
     assert LinePulses.of(mask).request == "L 0 0 0 0 0 0"
-    mask[:3] = 4
-    assert LinePulses.of(mask).frame == 3
+    mask[4:7] = 4
+    assert LinePulses.of(mask).request == "L 0 0 0 0 4 3"
 
 
 @pytest.mark.parametrize("rows", [[1, 3, 6], [0, 2, 4, 10, 12, 19]], ids=["points", "lines"])
@@ -45,8 +45,9 @@ def test_irregular_pulses_are_refused(rows: list[int]) -> None:
 
 
 def test_a_later_frame_is_refused() -> None:
-    """A frame pulses at the beginning only."""
+    """A frame pulses with the first line only."""
     mask = np.zeros(24, np.uint8)
+    mask[[2, 9]] = 1
     mask[5] = 4
     with pytest.raises(DeviceError, match="one frame"):
         LinePulses.of(mask)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from piezod.config.channels import LineCalibration
-from piezod.config.scan import RasterScan
+from piezod.config.scan import AnyScan, RasterScan, StackScan
 from piezod.control.table_guard import TableGuard
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.interface import Identity, Wiring
 from piezod.devices.outputs import CalibratedOutput
 from piezod.devices.played_axis import AxisPlayRecord, AxisTable, PlayedAxis, load_together
 from piezod.devices.played_scan import BlockRecord, PlayedScan
-from piezod.devices.player import PlayState
+from piezod.devices.player import PlayState, SeenEdge
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import ChannelPair
 from piezod.experiment.play.axis import PlayingAxis
@@ -28,6 +28,7 @@ from piezod.experiment.scan.plan import PlannedAxis, plan_scan
 from piezod.experiment.scan.run import ScanSetting, Told, run_scan
 from piezod.units import NS_PER_S
 from piezod_drivers.serial_line.piezo_board.driver import make_device
+from piezod_drivers.serial_line.piezo_board.emulation.simavr import CLOCK_HZ
 from piezod_drivers.serial_line.piezo_board.emulator import (
     LOWEST_UM,
     UM_PER_CODE,
@@ -44,7 +45,6 @@ from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 from tests.experiment.play.rig_axis import LIMITS, OPTIONS, RESPONSE, SENSOR_DELAY_S, model
 
 pytestmark = needs_board
-INTERVAL_NS: Final = 200_000
 CODES: Final = 65_535
 RAMP_S, REST_S = 0.1, 0.2
 AXES: Final = ("x", "y")
@@ -66,10 +66,15 @@ class TrueBoard(BoardEmulator):
 
 
 class BoardStage:
-    """Implements `ScanStage` on an emulated board of two channels."""
+    """Implements `ScanStage` on an emulated board of two channels.
 
-    def __init__(self) -> None:
-        self.time = TestTime()
+    Args:
+        interval_ns: Time between two points of a table, in ns.
+        scanned: Names of the axes that scan.
+    """
+
+    def __init__(self, interval_ns: int, scanned: tuple[str, ...] = AXES) -> None:
+        self.time, self._interval_ns = TestTime(), interval_ns
         sensor = {"calibration": {"kind": "commissioned", "residual_pct": 0.01}}
         options = SimulatedOptions.model_validate({**OPTIONS, **sensor})
         rig = SimulatedRig(options, Wiring(("x", "x_v", "y", "y_v"), AXES), 1)
@@ -89,11 +94,12 @@ class BoardStage:
             for name, channel in zip(AXES, CHANNELS, strict=True)
         }
         self.played = {name: PlayedAxis(name, {"device": self.device}, pairs) for name in AXES}
-        self.scanned = PlayedScan(self.played, pairs)
+        self.scanned = PlayedScan({name: self.played[name] for name in scanned}, pairs)
         able = self.scanned.capabilities
         self._guard = TableGuard(LIMITS, 0.0, able.at_end, able.cycles)
         self.axes: dict[str, ZeroedAxis] = {}
         self.pulses = np.zeros(3, int)  # of points, lines and frames
+        self.edges: tuple[SeenEdge, ...] = ()
 
     def in_force_v(self, place: int) -> float:
         """Return the voltage of an axis."""
@@ -101,11 +107,11 @@ class BoardStage:
 
     def rest(self) -> None:
         """Play a ramp of both axes to 0 V."""
-        n = round(RAMP_S * NS_PER_S / INTERVAL_NS)
+        n = round(RAMP_S * NS_PER_S / self._interval_ns)
         down = 0.5 + 0.5 * np.cos(np.pi * np.arange(n) / n)
-        cycles = round(REST_S * NS_PER_S / INTERVAL_NS)
+        cycles = round(REST_S * NS_PER_S / self._interval_ns)
         tables = [
-            AxisTable(INTERVAL_NS, self.in_force_v(i) * down, np.zeros(1), cycles)
+            AxisTable(self._interval_ns, self.in_force_v(i) * down, np.zeros(1), cycles)
             for i in range(len(AXES))
         ]
         load_together(tuple(self.played.values()), tables, None, self.time.t_ns)
@@ -113,8 +119,8 @@ class BoardStage:
 
     def check(self, tables: list[AxisTable]) -> None:
         """Let the guard see what each axis plays."""
-        for i, table in enumerate(tables):
-            self._guard.check(table, self.in_force_v(i))
+        for axis, table in zip(self.scanned.axes, tables, strict=True):
+            self._guard.check(table, self.in_force_v(axis.output))
 
     def play_out(self) -> None:
         """Play what is loaded."""
@@ -130,24 +136,25 @@ class BoardStage:
     def scan(self, table: ScanTable) -> Iterator[SweepSamples]:
         """Play a scan; yield the samples of each sweep."""
         assert not self.scanned.misfit(table)
-        zeros = np.array([self.axes[name].zero_um for name in AXES])
-        true_zeros = np.array([self.axes[name].true_zero_um for name in AXES])
-        rest, k, m = (
-            BlockRecord(np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 0))),
-            0,
-            table.points,
-        )
+        zeros = np.array([self.axes[name].zero_um for name in table.axes])
+        true_zeros = np.array([self.axes[name].true_zero_um for name in table.axes])
+        places, nothing = [AXES.index(name) for name in table.axes], np.empty((0, len(table.axes)))
+        rest, k, m = BlockRecord(nothing, nothing, np.empty((0, 0))), 0, table.points
         for block in self.scanned.blocks(table):
             columns = self.scanned.columns(table, block)
             self.check(columns)
             self.scanned.load(table, block, columns, self.time.t_ns)
             self.board.processor.forget()
+            if table.edges is not None and not block.is_before:
+                self.camera(table.edges.times)
             self.play_out()
             self.pulses += np.array(self.board.pulses)
+            if block.is_before:
+                continue
             record = self.scanned.recording(block, columns[0].lead_in_v.size)
-            true_um = np.array(self.board.true_um[-len(record.position_um) :])
-            rest = rest.joined(record._replace(true_um=true_um))
-            while len(rest.position_um) >= m:
+            true_um = np.array(self.board.true_um[-len(record.position_um) :])[:, places]
+            rest, self.edges = rest.joined(record._replace(true_um=true_um)), record.edges
+            while k < table.sweeps and len(rest.position_um) >= m:
                 sweep, rest = rest.split(m)
                 yield SweepSamples(
                     k,
@@ -157,6 +164,11 @@ class BoardStage:
                     sweep.detected,
                 )
                 k += 1
+
+    def camera(self, edges: int) -> None:
+        """Let a camera give edges, a hundred a second, from some time after the next start on."""
+        processor = self.board.processor
+        processor.camera(processor.cycle + CLOCK_HZ // 2, CLOCK_HZ // 100, edges)
 
 
 class BoardAxis:
@@ -181,48 +193,76 @@ class BoardAxis:
         return record._replace(true_um=true_um[:, self._place])
 
 
+def run(
+    stage: BoardStage, scan: AnyScan, file: Path, frames: list[FrameReport], notes: list[str]
+) -> None:
+    """Learn a scan on a board, and store it."""
+    known, axes, names = known_axis(scan.interval_ns, 0.0), {}, [x.axis for x in scan.spans]
+    for name in names:
+        stage.axes[name] = ZeroedAxis(BoardAxis(stage, name), scan.interval_ns)
+        conditions = Conditions(name, stage.identity, "", SENSOR_DELAY_S, 0.0)
+        axes[name] = PlayingAxis(
+            stage.axes[name], scan.interval_ns, model(), known.maker, None, conditions
+        )
+    planned = PlannedAxis((0.0, 28.0), RESPONSE.resonances[0].frequency_hz, 5000.0, 248e-6)
+    plan = plan_scan(scan, dict.fromkeys(names, planned))
+    told = Told(lambda _: None, frames.append, lambda *_: None, notes.append)
+    known_axes = dict.fromkeys(names, known)
+    run_scan(scan, plan, axes, known_axes, stage, (), ScanSetting(file, ""), told)
+
+
+def test_a_camera_steps_through_a_learned_stack(tmp_path: Path, figure: Figure) -> None:
+    """Fifty planes, a hundred pulses a second: none lost; each plane is where it is to be."""
+    scan = StackScan.model_validate(
+        {
+            "planes": {"axis": "x", "from_um": 5, "to_um": 15, "pixels": 50},
+            "plane_s": 0.005,
+            "move_s": 0.004,
+            "interval_us": 280,
+            "passes": 3,
+            "step": "edge",
+        }
+    )
+    stage, frames, notes = BoardStage(scan.interval_ns, ("x",)), list[FrameReport](), list[str]()
+    run(stage, scan, tmp_path / "scan.nxs", frames, notes)
+    true = frames[-1].true
+    figure(
+        f"player board, 50 planes 0.2 µm apart by a camera's pulses, 100 a second: true errors "
+        f"{true.slow_rms:.3f} rms, {true.slow_max:.3f} at most, in planes"
+    )
+    assert [edge.used for edge in stage.edges] == [True] * 50
+    assert notes == []
+    assert true.slow_rms <= 0.2
+
+
 @pytest.mark.stress
-def test_a_raster_is_learned_and_its_pulses_are_counted(tmp_path: Path, figure: Figure) -> None:
-    """64 x 64 pixels at 20 lines a second: 4,096 pulses of pixels and 64 of lines in each frame."""
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize(
+    ("pixels", "lines_per_s", "interval_us"), [(64, 20, 200.0), (256, 10, 156.25)]
+)
+def test_a_raster_is_learned_and_its_pulses_are_counted(
+    pixels: int, lines_per_s: float, interval_us: float, tmp_path: Path, figure: Figure
+) -> None:
+    """One pulse for each pixel, each line and the frame; errors are parts of a pixel of 64."""
     scan = RasterScan.model_validate(
         {
             "kind": "raster",
-            "fast": {"axis": "x", "from_um": 3, "to_um": 23, "pixels": 64},
-            "slow": {"axis": "y", "from_um": 3, "to_um": 23, "pixels": 64},
-            "lines_per_s": 20,
-            "interval_us": 200,
+            "fast": {"axis": "x", "from_um": 3, "to_um": 23, "pixels": pixels},
+            "slow": {"axis": "y", "from_um": 3, "to_um": 23, "pixels": pixels},
+            "lines_per_s": lines_per_s,
+            "interval_us": interval_us,
             "passes": 8,
             "pulses": {"pixel": 1, "line": 2, "frame": 3},
         }
     )
-    stage, known = BoardStage(), known_axis(INTERVAL_NS, 0.0)
-    axes = {}
-    for name in AXES:
-        stage.axes[name] = ZeroedAxis(BoardAxis(stage, name), INTERVAL_NS)
-        conditions = Conditions(name, stage.identity, "", SENSOR_DELAY_S, 0.0)
-        axes[name] = PlayingAxis(
-            stage.axes[name], INTERVAL_NS, model(), known.maker, None, conditions
-        )
-    planned = PlannedAxis((0.0, 28.0), RESPONSE.resonances[0].frequency_hz, 5000.0, 248e-6)
-    plan = plan_scan(scan, dict.fromkeys(AXES, planned))
-    frames = list[FrameReport]()
-    told = Told(lambda _: None, frames.append, lambda *_: None, lambda _: None)
-    run_scan(
-        scan,
-        plan,
-        axes,
-        dict.fromkeys(AXES, known),
-        stage,
-        (),
-        ScanSetting(tmp_path / "scan.nxs", ""),
-        told,
-    )
+    stage, frames = BoardStage(scan.interval_ns), list[FrameReport]()
+    run(stage, scan, tmp_path / "scan.nxs", frames, [])
     true = frames[-1].true
     figure(
-        f"player board, 64 x 64 pixels at 20 lines a second: true errors in pixels, worst of the "
-        f"middle: along {true.fast_max:.3f}, from sweep to sweep {true.apart_max:.3f}, across "
-        f"{true.slow_max:.3f}"
+        f"player board, {pixels} x {pixels} pixels at {lines_per_s} lines a second: true errors in "
+        f"pixels, worst of the middle: along {true.fast_max:.3f}, from sweep to sweep "
+        f"{true.apart_max:.3f}, across {true.slow_max:.3f}"
     )
     n = len(frames)
-    assert stage.pulses.tolist() == [n * 64 * 64, n * 64, n]
-    assert max(true.fast_max, true.apart_max, true.slow_max) <= 0.2
+    assert stage.pulses.tolist() == [n * pixels * pixels, n * pixels, n]
+    assert max(true.fast_max, true.apart_max, true.slow_max) <= 0.2 * pixels / 64

@@ -123,6 +123,7 @@ def test_fit_reports_how_clearly_the_mode_is_shown(fit: Fit) -> None:
     assert not tuple(fit_warnings(fit, fit.record.period_s))
 
 
+@pytest.mark.stress
 def test_loops_of_a_ringing_record_are_those_of_its_drive() -> None:
     """A vibration has swings of all sizes, but a drive of two levels shows one loop."""
     fit = fit_model(ringing_record(two_levels=True, duration_s=2.0), SURFACE)

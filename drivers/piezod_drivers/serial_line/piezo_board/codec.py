@@ -101,6 +101,18 @@ def status_of(words: str, channels: int) -> BoardStatus:
     return BoardStatus(parts[1], parts[2], outputs, inputs, numbers[-2], numbers[-1])
 
 
+def numbers_of(words: str, begin: str, n: int) -> list[int]:
+    """Return the numbers behind the first word of a reply.
+
+    Raises:
+        LineFault: If it begins with another word, or has something else.
+    """
+    first, *parts = words.split(" ")
+    if first != begin or len(parts) != n or not _are_numbers(parts):
+        raise LineFault(DeviceFlag.GARBAGE, f"{words!r} is not {begin} with {n} numbers")
+    return list(map(int, parts))
+
+
 def data_bytes(values: Sequence[int]) -> bytes:
     """Return values as a table has them, without the CRC."""
     return pack(f"<{len(values)}H", *values)

@@ -68,7 +68,7 @@ class BoardDialogue(BaseDialogue):
         self._in_control = False
         with self._conversation.opening():
             # The end of the line ends what another program may have left.
-            words = self._ask("I", before=b"\n")
+            words = self.ask_words("I", before=b"\n")
         self._conversation.forget_noticed()
         facts = self._facts = BoardFacts.of(words, self._line.where)
         if facts.channels != self.options.channels:
@@ -145,7 +145,7 @@ class BoardDialogue(BaseDialogue):
         Raises:
             LineFault: If the exchange fails, or the board refuses.
         """
-        status = codec.status_of(self._ask(words), self.options.channels)
+        status = codec.status_of(self.ask_words(words), self.options.channels)
         self._codes = status.outputs
         self._note_state(status)
         return status
@@ -212,7 +212,8 @@ class BoardDialogue(BaseDialogue):
             tripped = "w" in status.flags
             self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED if tripped else DeviceFlag.RESTARTED)
 
-    def _ask(self, words: str, before: bytes = b"") -> str:
+    def ask_words(self, words: str, before: bytes = b"") -> str:
+        """Send a request and return the words of its reply. Real-time safe."""
         frame = self._frame(words, before, 0, None)
         return codec.words_of(frame, codec.tag_of(self._number))
 

@@ -20,7 +20,7 @@ class LinePulses(NamedTuple):
     length: int  #: From a line to the next one; 0 if there is one.
     active: int  #: Rows of a line in which points pulse.
     skip: int  #: Rows before the first line.
-    frame: int  #: Rows from the beginning in which the frame is high.
+    frame: int  #: Rows from the first line in which the frame is high.
 
     @classmethod
     def of(cls, mask: Mask) -> Self:
@@ -32,24 +32,25 @@ class LinePulses(NamedTuple):
         points, lines, frames = (_rising(mask, line) for line in range(LINES))
         point = int(np.min(np.diff(points))) if points.size > 1 else int(points.size)
         groups = points[np.diff(points, prepend=-_WHOLE) != point]
-        starts = lines if lines.size else groups
+        starts = lines if lines.size else groups if groups.size else frames
         length = int(starts[1] - starts[0]) if starts.size > 1 else 0
         per_line = points.size // max(starts.size, 1)
-        low = np.flatnonzero(mask >> (LINES - 1) & 1 == 0)
+        skip = int(starts[0]) if starts.size else 0
+        low = np.flatnonzero(mask[skip:] >> (LINES - 1) & 1 == 0)
         found = cls(
             point,
             int(lines.size > 0),
             length,
             max(per_line - 1, 0) * point + 1 if per_line else 0,
-            int(starts[0]) if starts.size else 0,
-            min(int(low[0]) if low.size else mask.size, _WHOLE - 1),
+            skip,
+            min(int(low[0]) if low.size else mask.size - skip, _WHOLE - 1),
         )
         given_points, given_lines = found.rising(mask.size)
         same = np.array_equal(given_points, points) and np.array_equal(given_lines, lines)
-        if not same or frames.size > (found.frame > 0):
+        if not same or frames.tolist() != [skip][: found.frame]:
             raise DeviceError(
                 "the pulses are not those that a board can give: points at equal distances from "
-                "the beginning of lines of equal length, one frame at the beginning"
+                "the beginning of lines of equal length, one frame with the first line"
             )
         return found
 
