@@ -51,6 +51,7 @@ def test_a_scan_has_defaults(tmp_path: Path) -> None:
             "lines_per_s: 1\n  mode: trimmed\n  pulses: {pixel: 1}",
             ("no lines of pulses", "leave out `mode`"),
         ),
+        ("lines_per_s: 10", "lines_per_s: 1\n  mode: trimmed\n  start: edge", ("trigger input",)),
         ("lines_per_s: 10", "lines_per_s: 500", ("a pixel lasts 25 µs", "50 µs", "250 lines/s")),
         (
             "lines_per_s: 10",
