@@ -116,6 +116,8 @@ static void convert(struct board *b, int channel, uint32_t value)
 {
     if (value)
         b->sample[channel] = (uint16_t)b->sense(channel, b->avr->cycle);
+    else if (b->reads >= 0)
+        b->seen.bad_frames++; /* two ADCs drive the same line */
     b->reads = value ? -1 : channel;
     b->n_adc = 0;
 }

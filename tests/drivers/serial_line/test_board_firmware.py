@@ -94,6 +94,7 @@ def test_two_channels_play_in_step() -> None:
         board.due()
     assert progress.state is PlayState.ENDED, progress
     assert rig.drive_v == pytest.approx([90.0, 60.0], abs=0.01)
+    assert board.processor.seen.bad_frames == 0
     record = device.recording()
     assert record.positions.shape == (60, 2)
     # A sample shows the point before: the displacement is 0.2 µm/V, the input 8 µm/V from -5 µm.

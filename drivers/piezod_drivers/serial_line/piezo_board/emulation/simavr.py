@@ -31,7 +31,7 @@ class Seen(ctypes.Structure):
     points: int  #: Pulses of the three lines.
     lines: int
     frames: int
-    bad_frames: int  #: Frames that the DAC has not understood.
+    bad_frames: int  #: Frames that the DAC has not understood, and two ADCs that speak at a time.
     sets: int  #: Times that an output was set.
     shortest: int  #: Cycles between two points of a play.
     longest: int
