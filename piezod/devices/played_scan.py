@@ -101,11 +101,11 @@ class PlayedScan:
                 f"pulses are for line {highest}, the device has {able.pulse_lines} lines of "
                 "pulses; see the options of its driver"
             )
-        most, lead_in = self._most_points(table), len(table.lead_in_v)
-        if lead_in + table.points > most:
+        lead_in, room = len(table.lead_in_v), self._room(table)
+        if table.points > room:
             return (
-                f"lead-in and one sweep have {lead_in + table.points} points for each axis, the "
-                f"device takes {most}: choose a longer interval"
+                f"behind the lead-in of {lead_in} points the device has room for {room} points of "
+                f"each axis, a sweep has {table.points}: choose a longer interval"
             )
         if able.at_end is not AtEnd.HOLDS:
             return (
@@ -114,31 +114,34 @@ class PlayedScan:
             )
         return ""
 
-    def _most_points(self, table: ScanTable) -> int:
+    def _room(self, table: ScanTable, *, first: bool = True) -> int:
+        """Return the most points of a block; of the first one, behind the lead-in."""
         able = self.capabilities
+        lead_in = len(table.lead_in_v) if first else table.run_up_points
         columns = self._n_outputs + (1 if table.pulses.size else 0)
         points = able.points // columns if able.points_shared else able.points
-        return min(points, able.record_points)
+        if able.record_shared:  # which needs no lead-in
+            return min((points - lead_in) // 2, MOST_BLOCK_POINTS)
+        return min(min(points, able.record_points) - lead_in, MOST_BLOCK_POINTS)
 
     def blocks(self, table: ScanTable) -> Iterator[ScanBlock]:
         """Yield the blocks of a scan that `misfit` has not refused.
 
-        Each ends where the axes stand still. Those after the first have no lead-in.
+        Each ends where the fast axis stands still. Those after the first begin with a run-up.
         """
-        most = min(self._most_points(table), MOST_BLOCK_POINTS + len(table.lead_in_v))
-        first, room = 0, most - len(table.lead_in_v)
+        first, room = 0, self._room(table)
         while first < table.n_rows:
             whole = (first + room - table.pause) // table.points
             end = min(whole * table.points + table.pause, table.n_rows)
             if first + room >= table.n_rows:
                 end = table.n_rows
             yield ScanBlock(first, end)
-            first, room = end, most
+            first, room = end, self._room(table, first=False)
 
     def columns(self, table: ScanTable, block: ScanBlock) -> list[AxisTable]:
         """Return the table of each axis in a block, for the guard."""
         rows = table.rows(block.first, block.end)
-        lead_in = table.lead_in_v if block.first == 0 else table.lead_in_v[:0]
+        lead_in = table.run_up(block.first) if block.first else table.lead_in_v
         return [
             AxisTable(table.interval_ns, lead_in[:, i], rows[:, i], 1)
             for i in range(len(self.axes))

@@ -69,6 +69,7 @@ class PlayerCapabilities(NamedTuple):
     lag_ns: int = 0  #: Time from a point of the table to its output, relative to the record, in ns.
     at_end: AtEnd = AtEnd.UNKNOWN  #: What the outputs do at the end.
     watchdog_while_playing: bool = False  #: Whether the device's own watchdog works while it plays.
+    record_shared: bool = False  #: Whether the record has the memory that a table leaves.
     pulse_lines: int = 0  #: Number of digital outputs that can be set in step with the points.
 
     def legal_interval_ns(self, interval_ns: int) -> int:

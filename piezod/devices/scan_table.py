@@ -70,6 +70,25 @@ class ScanTable(NamedTuple):
         rows = (offset + scale * lines).reshape(-1, axes)
         return np.asarray(rows[first - begin * m : end - begin * m])
 
+    @property
+    def run_up_points(self) -> int:
+        """Points of a run-up: one period of the line; 0 if the line does not move."""
+        return len(self.line_v) if np.any(np.ptp(self.line_v, axis=0)) else 0
+
+    def run_up(self, first: int) -> FloatArray:
+        """Return the period of the line that ends before a point, at its offset and scale.
+
+        It brings a stage that has waited there to the motion before the wait.
+        """
+        n = self.run_up_points
+        k = first // self.points
+        after, blend = min(k + 1, self.sweeps - 1), self.blend[first % self.points]
+        offset, scale = (
+            value[k] + (value[after] - value[k]) * blend for value in (self.offset_v, self.scale)
+        )
+        lines = self.line_v[np.arange(first - n, first) % len(self.line_v)]
+        return np.asarray(offset + scale * lines)
+
     def masks(self, first: int, end: int) -> Mask:
         """Return the pulses at points, shape (end - first,); empty without pulses."""
         if not self.pulses.size:

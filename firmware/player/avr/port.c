@@ -195,7 +195,7 @@ static void start(void)
     player_start();
     SPCR = MODE_DAC;
     dac(DAC_REFERENCE, 1);
-    DDRC = LINE_POINT | LINE_LINE | LINE_FRAME;
+    DDRC = LINE_POINT | LINE_LINE | LINE_FRAME | LINE_PLAY;
     PORTD = _BV(2) | _BV(0); /* pull-ups */
     EICRA = _BV(ISC01) | _BV(ISC00);
     UBRR0 = 1;

@@ -195,12 +195,16 @@ static const char *prepare(const char *at)
 
 static const char *set_lines(const char *at)
 {
-    uint16_t point, line;
-    if (!text_count(&at, &point) || !text_count(&at, &line) || !text_ends(at))
+    struct play_lines lines = {.active = PLAY_WHOLE, .frame = PLAY_WHOLE};
+    if (!text_count(&at, &lines.point) || !text_count(&at, &lines.line))
+        return SYNTAX;
+    lines.length = lines.line;
+    if (!text_ends(at) && (!text_count(&at, &lines.length) || !text_count(&at, &lines.active) ||
+                           !text_count(&at, &lines.skip) || !text_count(&at, &lines.frame) || !text_ends(at)))
         return SYNTAX;
     if (player_state() == PLAYER_PLAYING)
         return BUSY;
-    play_set_lines(point, line);
+    play_set_lines(&lines);
     say_status();
     return 0;
 }

@@ -9,7 +9,7 @@
 static uint16_t memory[PORT_MEMORY_ROWS * CH] PORT_NOINIT; /* the table, and behind it the record */
 static struct play_plan plan;
 static bool prepared;
-static uint16_t point_every, line_every;
+static struct play_lines pulsed = {.active = PLAY_WHOLE, .frame = PLAY_WHOLE};
 
 /* Only a tick changes these while a play goes on; it has worked out the next point beforehand, so that the output
  * changes a fixed time after the edge of the clock. */
@@ -22,7 +22,7 @@ static struct {
     bool in_lead, last;     /* last: the point that comes next is the last one */
     uint32_t until_record;  /* points */
     uint16_t *free;         /* where the next sample goes */
-    uint16_t until_point, until_line; /* rows */
+    uint16_t until_point, until_line, of_line, of_frame; /* rows; of_: that are left in which it may pulse */
     uint8_t lines;          /* of the point that comes next */
     uint16_t out[CH]; /* of the point that comes next */
     uint16_t driven[CH], in[CH]; /* of the last point */
@@ -68,28 +68,45 @@ bool play_is_prepared(void)
     return prepared;
 }
 
-void play_set_lines(uint16_t point, uint16_t line)
+void play_set_lines(const struct play_lines *lines)
 {
-    point_every = point;
-    line_every = line;
+    pulsed = *lines;
+}
+
+/* Returns the lines of a row of the period. */
+static uint8_t row_lines(void)
+{
+    uint8_t lines = 0;
+    if (--now.until_line == 0) {
+        if (pulsed.line)
+            lines |= LINE_LINE;
+        now.until_line = pulsed.length;
+        now.until_point = 1;
+        now.of_line = pulsed.active;
+    }
+    if (now.of_line) {
+        now.of_line--;
+        if (pulsed.point && --now.until_point == 0) {
+            lines |= LINE_POINT;
+            now.until_point = pulsed.point;
+        }
+    }
+    if (now.of_frame) {
+        now.of_frame--;
+        lines |= LINE_FRAME;
+    }
+    return lines;
 }
 
 static void begin_row(void)
 {
     for (uint8_t i = 0; i < CH; i++)
         now.out[i] = now.row[i];
-    now.lines = LINE_FRAME;
+    now.lines = pulsed.frame == PLAY_WHOLE ? LINE_PLAY | LINE_FRAME : LINE_PLAY;
     now.last = false;
     if (now.in_lead)
         return;
-    if (point_every && --now.until_point == 0) {
-        now.lines |= LINE_POINT;
-        now.until_point = point_every;
-    }
-    if (line_every && --now.until_line == 0) {
-        now.lines |= LINE_LINE;
-        now.until_line = line_every;
-    }
+    now.lines |= row_lines();
     now.last = now.rows_left == 1 && now.cycle + 1 == plan.cycles;
 }
 
@@ -98,7 +115,8 @@ static void begin_period(void)
     now.in_lead = false;
     now.row = &memory[plan.lead * CH];
     now.rows_left = plan.period;
-    now.until_point = now.until_line = 1;
+    now.until_line = pulsed.skip + 1;
+    now.of_line = 0;
     begin_row();
 }
 
@@ -142,7 +160,7 @@ void player_tick(bool late)
         port_lines(0);
         return;
     }
-    port_lines(now.lines & LINE_FRAME);
+    port_lines(now.lines & (LINE_PLAY | LINE_FRAME));
     advance();
     if (late || port_tick_is_due())
         now.late = true;
@@ -158,6 +176,7 @@ void play_start(enum clock clock, const uint16_t *out, const uint16_t *in)
     now.kept = 0;
     now.late = now.last = false;
     now.until_record = plan.first;
+    now.of_frame = pulsed.frame == PLAY_WHOLE ? 0 : pulsed.frame;
     now.lines = 0;
     now.free = &memory[(plan.lead + plan.period) * CH];
     now.row = memory;

@@ -39,8 +39,8 @@ static inline bool port_allows(uint16_t count)
     return true;
 }
 
-/* Lines in step with a play, as bits. */
-enum line { LINE_POINT = 1, LINE_LINE = 2, LINE_FRAME = 4 };
+/* Lines in step with a play, as bits; LINE_PLAY is high from its first point to its end. */
+enum line { LINE_POINT = 1, LINE_LINE = 2, LINE_FRAME = 4, LINE_PLAY = 8 };
 
 /* What gives the time of the points. */
 enum clock { CLOCK_NOW, CLOCK_START_ON_EDGE, CLOCK_STEP_ON_EDGE };

@@ -23,7 +23,7 @@ typedef unsigned (*sense_t)(int channel, uint64_t cycle);
 /* What the converters and the lines have seen. The instants of a play are those at which an output changes. */
 struct seen {
     uint64_t points, lines, frames, bad_frames, sets;
-    uint64_t shortest, longest; /* cycles between two updates of the output within a frame */
+    uint64_t shortest, longest; /* cycles between two updates of the output within a play */
 };
 
 struct board {
@@ -36,7 +36,7 @@ struct board {
     uint16_t sample[2];
     int reads;              /* channel whose sample is shifted out */
     uint8_t spi_out, spi_in;
-    uint8_t framed;
+    uint8_t plays;
     uint64_t last_set;
     uint64_t next_byte;     /* cycle at which the next byte from the host is complete */
     int may_send;           /* the receiver has room */
@@ -82,7 +82,7 @@ static void note_set(struct board *b)
 {
     uint64_t cycle = b->avr->cycle;
     b->seen.sets++;
-    if (b->framed) {
+    if (b->plays) {
         if (b->last_set) {
             uint64_t since = cycle - b->last_set;
             if (since < b->seen.shortest)
@@ -151,7 +151,13 @@ static void on_frame(struct avr_irq_t *irq, uint32_t value, void *param)
     struct board *b = param;
     (void)irq;
     b->seen.frames += value;
-    b->framed = (uint8_t)value;
+}
+
+static void on_play(struct avr_irq_t *irq, uint32_t value, void *param)
+{
+    struct board *b = param;
+    (void)irq;
+    b->plays = (uint8_t)value;
     b->last_set = 0;
 }
 
@@ -216,6 +222,7 @@ static void connect_wires(struct board *b)
     listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 0, on_point);
     listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 1, on_line);
     listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 2, on_frame);
+    listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 3, on_play);
     b->avr->io[AVR_DATA_TO_IO(SPDR)].w.c = spi_write;
     b->avr->io[AVR_DATA_TO_IO(SPDR)].w.param = b;
     b->avr->io[AVR_DATA_TO_IO(SPDR)].r.c = spi_read;
@@ -265,7 +272,7 @@ void board_free(struct board *b)
 void board_reset(struct board *b)
 {
     avr_reset(b->avr);
-    b->framed = 0;
+    b->plays = 0;
 }
 
 /* Puts bytes on the line to the board; those beyond its buffer are lost, as on a line without flow control. */
@@ -300,7 +307,7 @@ uint64_t board_cycle(struct board *b)
 
 int board_plays(struct board *b)
 {
-    return b->framed;
+    return b->plays;
 }
 
 struct seen board_seen(struct board *b)

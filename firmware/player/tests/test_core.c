@@ -122,6 +122,25 @@ static void a_play_gives_each_row_in_order_and_records_beside(void)
     assert((uint8_t)fake.sent[7] == 101 && (uint8_t)fake.sent[11] == (1001 & 255));
 }
 
+static void lines_pulse_where_they_are_asked_to(void)
+{
+    ask("ON");
+    prepare(2, 9, 2, 0);
+    /* Lines at rows 2 and 6 of 9, points at the first and third row of the first 3 of each line. */
+    expect("L 2 1 4 3 2 5", "S on - 100 100 101 101 0 0\n");
+    ask("G");
+    while (fake.clock_runs)
+        player_tick(false);
+    assert(fake.points == 8 && fake.lines == 4 && fake.frames == 1 && fake.levels == 0);
+    prepare(2, 9, 2, 0);
+    ask("L 0 0 0 0 0 0");
+    ask("G");
+    while (fake.clock_runs)
+        player_tick(false);
+    assert(fake.points == 8 && fake.lines == 4 && fake.frames == 1);
+    expect("L 1 2 3", "E syntax\n");
+}
+
 static void a_record_begins_where_it_is_asked_to(void)
 {
     ask("ON");
@@ -352,6 +371,7 @@ int main(void)
         crc_is_that_of_the_catalogue, outputs_are_safe_from_the_start, a_set_point_is_in_force_and_sampled,
         requests_that_make_no_sense_change_nothing, a_long_line_is_refused_as_a_whole,
         checksums_are_asked_for_once_they_were_seen, a_play_gives_each_row_in_order_and_records_beside,
+        lines_pulse_where_they_are_asked_to,
         a_record_begins_where_it_is_asked_to, a_record_ends_where_the_memory_ends, a_play_keeps_set_points_out,
         a_late_point_is_told, an_edge_starts_or_steps, a_table_that_differs_is_not_played,
         a_plan_that_does_not_fit_is_refused, a_table_out_of_range_is_refused, half_a_table_is_given_up,

@@ -14,6 +14,7 @@ from piezod.control.law.response_files import response_model
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
+from piezod.experiment.play.record import BadRecordError, Flaw
 from piezod.experiment.play.stored import find_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
@@ -44,7 +45,8 @@ class ScanResult:
 
     file: Path  #: The file.
     plan: ScanPlan  #: Its plan.
-    line: LearnedPlay | None  #: The line learned alone; None for a stack.
+    #: The line learned alone; None for a stack, or if the device has no memory for it.
+    line: LearnedPlay | None
     frames: tuple[FrameReport, ...]  #: All frames; the last one is stored.
 
 
@@ -119,7 +121,8 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
         plan,
         known,
         {name: axes[name].conditions.rest_v for name in plan.axes},
-        None if line is None else line.wanted_um,
+        plan.line_um if line is None else line.wanted_um,
+        line is not None,
         scan.passes,
     )
     frames: list[FrameReport] = []
@@ -149,7 +152,8 @@ def _learned_line(
     known: Mapping[str, KnownAxis],
     told: Told,
     tables: Path | None,
-) -> LearnedPlay:
+) -> LearnedPlay | None:
+    """Learn the line; None if the device records too little of it: the frames learn it then."""
     assert plan.line_um is not None  # noqa: S101 - a stack has no line
     command = PeriodicCommand("line of a scan", plan.line_um, plan.interval_ns)
     first_um: FloatArray | None = None
@@ -158,7 +162,13 @@ def _learned_line(
         told.note(text)
     settings = PlaySettings(passes, SETTLE_S, RECORD_S)
     task = known[plan.axes[0]].task(command, settings, first_um)
-    return learn(axis.stage, task, told.line)
+    try:
+        return learn(axis.stage, task, told.line)
+    except BadRecordError as error:
+        if error.flaw is not Flaw.SHORT:
+            raise
+        told.note("the device has no memory to learn the line alone: the frames learn it")
+        return None
 
 
 def _stored(

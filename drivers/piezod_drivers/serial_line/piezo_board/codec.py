@@ -14,6 +14,8 @@ from piezod.devices.status import DeviceFlag
 
 CODES: Final = 65_535
 """Code of the highest voltage of a converter."""
+LINES: Final = 3
+"""Lines of pulses: point, line and frame, in this order."""
 TAGS: Final = 0x1000
 """Number of different tags."""
 ROWS: Final = 128

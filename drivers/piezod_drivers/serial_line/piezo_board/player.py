@@ -15,7 +15,7 @@ from piezod.devices.player import (
 )
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.piezo_board.codec import CODES, BoardStatus
+from piezod_drivers.serial_line.piezo_board.codec import CODES, LINES, BoardStatus
 from piezod_drivers.serial_line.piezo_board.wave_requests import PlayHost, WaveRequests
 
 POLL_NS: Final = 100_000_000
@@ -30,6 +30,7 @@ class BoardPlayer:
         self._host, self._requests = host, WaveRequests(host)
         self._table: Table | None = None
         self._crc = self._first = 0
+        self._lines = ""
         self._asked_ns: int | None = None
         self._cycle = 0
 
@@ -58,6 +59,8 @@ class BoardPlayer:
             records_with_play=True,
             at_end=AtEnd.HOLDS,
             watchdog_while_playing=True,
+            pulse_lines=LINES,
+            record_shared=True,
         )
 
     def load(self, table: Table, check: Check) -> Table:
@@ -66,6 +69,7 @@ class BoardPlayer:
 
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
+        lines = self._lines_of(table)
         low, high = self._host.options.output_v
         status = self._host.ask_status("?")
         once = np.rint((wave_arrays.once_of(table) - low) * (CODES / (high - low))).astype(int)
@@ -73,6 +77,7 @@ class BoardPlayer:
         rows = np.tile(np.array(status.outputs), (len(once), 1))
         rows[:, self._host.outputs] = once
         self._crc = self._requests.write_table(rows.ravel().tolist(), check)
+        self._lines = lines
         held = low + once * ((high - low) / CODES)
         n_lead_in = len(table.lead_in)
         self._table = table._replace(lead_in=held[:n_lead_in], period=held[n_lead_in:])
@@ -83,7 +88,7 @@ class BoardPlayer:
         table = self._require_table()
         ticks = table.interval_ns * self._host.facts.clock_hz // NS_PER_S
         n_rows = len(table.lead_in), len(table.period)
-        self._first = self._requests.prepare(n_rows, table.cycles, ticks, self._crc)
+        self._first = self._requests.prepare(self._lines, n_rows, table.cycles, ticks, self._crc)
 
     def start(self) -> None:
         """Start the play and its record."""
@@ -150,6 +155,15 @@ class BoardPlayer:
 
     def _failed(self, reason: str) -> Progress:
         return Progress(PlayState.FAILED, self._cycle, reason)
+
+    def _lines_of(self, table: Table) -> str:
+        """Return the request for the pulses of a table, or for those of the configuration."""
+        if table.pulses is None:
+            pulses = self._host.options.pulses
+            return f"L {pulses.point} {pulses.line or len(table.period)}"
+        from piezod_drivers.serial_line.piezo_board.line_pulses import LinePulses  # noqa: PLC0415
+
+        return LinePulses.of(table.pulses).request
 
     def _require_table(self) -> Table:
         if self._table is None:

@@ -71,10 +71,13 @@ class WaveRequests:
             self._host.ask_data(words, data, 0, self._within_ns(len(data)))
         return codec.crc_of(codec.data_bytes(codes))
 
-    def prepare(self, n_rows: tuple[int, int], cycles: int, ticks: int, crc: int) -> int:
+    def prepare(
+        self, lines: str, n_rows: tuple[int, int], cycles: int, ticks: int, crc: int
+    ) -> int:
         """Prepare a play; return the number of its point at which the record begins.
 
         Args:
+            lines: Request for its pulses.
             n_rows: Rows of lead-in and period.
             cycles: Number of periods.
             ticks: Ticks between two points.
@@ -83,8 +86,7 @@ class WaveRequests:
         lead, period = n_rows
         # The record has the memory that the table leaves; what counts of a play is its end.
         first = max(lead + period * cycles - self.room(lead + period), 0)
-        pulses = self._host.options.pulses
-        self._host.ask_status(f"L {pulses.point} {pulses.line or period}")
+        self._host.ask_status(lines)
         self._host.ask_status(f"P {lead} {period} {cycles} {ticks} {first} {crc:04X}")
         return first
 

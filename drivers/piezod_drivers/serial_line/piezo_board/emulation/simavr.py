@@ -28,7 +28,7 @@ class Seen(ctypes.Structure):
         (name, c_uint64)
         for name in ("points", "lines", "frames", "bad_frames", "sets", "shortest", "longest")
     ]
-    points: int  #: Pulses of the three lines.
+    points: int  #: Pulses of the lines.
     lines: int
     frames: int
     bad_frames: int  #: Frames that the DAC has not understood, and two ADCs that speak at a time.
@@ -71,7 +71,7 @@ class Processor:
 
     @property
     def plays(self) -> bool:
-        """Whether the frame line is high."""
+        """Whether the line that tells of a play is high."""
         return bool(self._library.board_plays(self._board))
 
     @property
