@@ -1,13 +1,14 @@
 /* Port for an RP2040: docs/board.md has the wiring.
  * SPDX-License-Identifier: MIT
  *
- * A DAC8562 (GPIO17) and an LTC1864 for each channel (GPIO20, 21) on SPI at 6.9 MHz, lines at GPIO2 to 4, an edge at
- * GPIO5, and a serial line of 500 kbit/s at GPIO0 and 1. Only points interrupt the main loop. */
+ * A DAC8562 (GPIO17) and an LTC1864 for each channel (GPIO20, 21) on SPI at 6.9 MHz, lines at GPIO2 to 5, an edge at
+ * GPIO6, and a serial line of 500 kbit/s at GPIO0 and 1. Only points interrupt the main loop. */
 #include "player.h"
 #include "rp2040.h"
 
-enum { TX, RX, LINES, EDGE = 5, MISO = 16, DAC, SCK, MOSI, ADC0, ADC1 };
+enum { TX, RX, LINES, EDGE = 6, MISO = 16, DAC, SCK, MOSI, ADC0, ADC1 };
 #define BIT(pin) (1u << (pin))
+#define ALL_LINES (LINE_POINT | LINE_LINE | LINE_FRAME | LINE_PLAY)
 #define MODE_DAC (7 | 1 << 7) /* 8 bits, which are taken at the falling edge of the clock */
 #define MODE_ADC 15           /* 16 bits, at the rising edge */
 #define SPI_DIVIDER 18        /* 24 bits take longer than the conversion of the ADC, which is 3.2 us */
@@ -74,7 +75,7 @@ void port_exchange(const uint16_t *out, uint16_t *in)
 void port_lines(uint8_t lines)
 {
     GPIO_SET = (uint32_t)lines << LINES;
-    GPIO_CLR = (7u & ~lines) << LINES;
+    GPIO_CLR = (uint32_t)(ALL_LINES & ~lines) << LINES;
 }
 
 void port_lock(void)
@@ -187,7 +188,7 @@ static void make_safe(void)
     CLK_PERI_CTRL = 1u << 11; /* the clock of the processor, which is now some 6 MHz */
     release(RESET_IO_BANK0 | RESET_PADS_BANK0 | RESET_SPI0);
     GPIO_SET = BIT(DAC) | BIT(ADC0) | BIT(ADC1);
-    GPIO_OE_SET = BIT(DAC) | BIT(ADC0) | BIT(ADC1) | 7u << LINES;
+    GPIO_OE_SET = BIT(DAC) | BIT(ADC0) | BIT(ADC1) | ALL_LINES << LINES;
     GPIO_CTRL(DAC) = GPIO_CTRL(ADC0) = GPIO_CTRL(ADC1) = PIN_SIO;
     GPIO_CTRL(MISO) = GPIO_CTRL(SCK) = GPIO_CTRL(MOSI) = PIN_SPI;
     PAD(MISO) = PAD_INPUT;
@@ -201,7 +202,8 @@ static void start_rest(void)
 {
     start_clocks();
     release(RESET_PWM | RESET_TIMER | RESET_UART0);
-    GPIO_CTRL(LINES) = GPIO_CTRL(LINES + 1) = GPIO_CTRL(LINES + 2) = GPIO_CTRL(EDGE) = PIN_SIO;
+    for (uint32_t pin = LINES; pin <= EDGE; pin++)
+        GPIO_CTRL(pin) = PIN_SIO;
     PAD(EDGE) = PAD(RX) = PAD_INPUT;
     GPIO_CTRL(TX) = GPIO_CTRL(RX) = PIN_UART;
     UART_IBRD = 15; /* 125 MHz / 16 / 15.625 */

@@ -3,6 +3,7 @@
 #ifndef RP2040_H
 #define RP2040_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #define REG(address) (*(volatile uint32_t *)(address))
@@ -87,6 +88,8 @@ void start_clocks(void);
 /* Takes parts of the processor out of reset. */
 void release(uint32_t parts);
 
+void *memset(void *to, int value, size_t n);
+void *memcpy(void *to, const void *from, size_t n);
 int main(void);
 void on_pwm(void);
 void on_io(void);

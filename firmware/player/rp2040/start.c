@@ -47,6 +47,22 @@ __attribute__((section(".vectors"), used)) static void (*const vectors[16 + 26])
     [11] = hang, [14] = hang, hang, [16 + IRQ_PWM] = on_pwm, [16 + IRQ_IO] = on_io,
 };
 
+/* The compiler itself calls these two. */
+__attribute__((used)) void *memset(void *to, int value, size_t n)
+{
+    for (uint8_t *byte = to; n; n--)
+        *byte++ = (uint8_t)value;
+    return to;
+}
+
+__attribute__((used)) void *memcpy(void *to, const void *from, size_t n)
+{
+    const uint8_t *source = from;
+    for (uint8_t *byte = to; n; n--)
+        *byte++ = *source++;
+    return to;
+}
+
 void release(uint32_t parts)
 {
     CLR(RESETS_RESET) = parts;

@@ -7,14 +7,14 @@ import { createInterface } from "node:readline";
 
 const { ConsoleLogger, LogLevel, RP2040 } = createRequire(process.argv[2] + "/")("rp2040js");
 const CYCLE_NS = 8, BYTE_NS = 20_000, FLASH = 0x10000000;
-const [POINT, LINE, FRAME, EDGE, DAC, ADC0, ADC1] = [2, 3, 4, 5, 17, 20, 21];
+const [POINT, LINE, FRAME, PLAY, EDGE, DAC, ADC0, ADC1] = [2, 3, 4, 5, 6, 17, 20, 21];
 
 const chip = new RP2040();
 chip.logger = new ConsoleLogger(LogLevel.Error, false);
 const { clock, core } = chip;
 const seen = { out: [null, null], first_ns: null, points: 0, lines: 0, frames: 0, bad: 0, resets: 0, shortest_ns: null, longest_ns: null };
 let sent = [], waiting = [], next_byte = 0;
-let bytes = null, reads = -1, framed = false, last_set = null;
+let bytes = null, reads = -1, plays = false, last_set = null;
 const samples = [0, 0];
 
 function load(file) {
@@ -43,7 +43,7 @@ function setOutput([command, high, low]) {
   if ((command & 0x38) !== 0x18 || channel > 1) return void seen.bad++;
   seen.out[channel] = (high << 8) | low;
   seen.first_ns ??= clock.nanos;
-  if (!framed || channel) return;
+  if (!plays || channel) return;
   if (last_set !== null) {
     const since = clock.nanos - last_set;
     seen.shortest_ns = Math.min(seen.shortest_ns ?? since, since);
@@ -64,9 +64,9 @@ for (const [i, pin] of [ADC0, ADC1].entries())
   });
 listen(POINT, (high) => (seen.points += high));
 listen(LINE, (high) => (seen.lines += high));
-listen(FRAME, (high) => {
-  seen.frames += high;
-  framed = high;
+listen(FRAME, (high) => (seen.frames += high));
+listen(PLAY, (high) => {
+  plays = high;
   last_set = null;
 });
 
