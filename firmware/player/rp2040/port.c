@@ -42,6 +42,12 @@ static uint32_t spi_end(void)
     return last;
 }
 
+/* As long as the converters need a level, at least. */
+static inline void wait_100_ns(void)
+{
+    __asm__ volatile(".rept 13\n\tnop\n\t.endr");
+}
+
 static void dac(uint32_t command, uint16_t value)
 {
     GPIO_CLR = BIT(DAC);
@@ -50,6 +56,7 @@ static void dac(uint32_t command, uint16_t value)
     SPI_DR = value & 0xFF;
     spi_end();
     GPIO_SET = BIT(DAC);
+    wait_100_ns();
 }
 
 void port_exchange(const uint16_t *out, uint16_t *in)
@@ -57,7 +64,7 @@ void port_exchange(const uint16_t *out, uint16_t *in)
     /* A conversion begins at a rising edge. An ADC drives the common line while it is low: never two at a time. */
     for (uint32_t i = 0; i < PORT_CHANNELS; i++) {
         GPIO_CLR = BIT(ADC0 + i);
-        __asm__ volatile("nop\n\tnop\n\tnop\n\tnop\n\tnop\n\tnop\n\tnop\n\tnop");
+        wait_100_ns();
         GPIO_SET = BIT(ADC0 + i);
     }
     spi_mode(MODE_DAC);
