@@ -10,6 +10,7 @@ import pytest
 from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.player import PlayState, Table
+from piezod_drivers.serial_line.piezo_board import codec
 from piezod_drivers.serial_line.piezo_board.driver import make_device
 from piezod_drivers.serial_line.piezo_board.options import BoardOptions
 from tests.drivers.serial_line.board_conformance import EmulatedPort, script
@@ -26,9 +27,11 @@ US: Final = 1000
 class Bench:
     """A board, its driver, and their time."""
 
-    def __init__(self, folder: Path, channels: int = 1, **options: object) -> None:
+    def __init__(
+        self, folder: Path, channels: int = 1, defines: str = "", **options: object
+    ) -> None:
         self.time = TestTime()
-        flashed = image(folder, f"-DPORT_CHANNELS={channels} -DPLAYER_SAFE=100")
+        flashed = image(folder, f"-DPORT_CHANNELS={channels} -DPLAYER_SAFE=100 {defines}")
         self.board = Rp2040(flashed, self.time)
         known = {"port": "p", "timeout_ms": 100.0, "channels": channels, **options}
         wiring = Wiring.both(tuple("12"[:channels]))
@@ -127,3 +130,15 @@ def test_silent_host_leaves_the_safe_voltage(tmp_path: Path, benches: list[Bench
     bench.play(table(100, 1, 50 * US, 100_000))
     bench.board.run(1_500_000)
     assert (bench.board.seen["out"][0], bench.board.seen["resets"]) == (100, 0)
+
+
+def test_program_without_time_is_reset(tmp_path: Path, benches: list[Bench]) -> None:
+    """Where points leave the main loop no time, the watchdog resets the processor."""
+    bench = Bench(tmp_path, defines="-DPORT_SHORTEST=40")
+    benches.append(bench)
+    data = codec.data_bytes([30_000, 30_001])
+    prepare = b"P 0 2 1000000 40 0 %04X\nG\n" % codec.crc_of(data)
+    for part in (b"ON\nT 0 2\n", codec.with_crc(data), prepare):
+        bench.board.run(10_000, part)
+    bench.board.run(300_000)
+    assert (bench.board.seen["frames"], bench.board.seen["resets"]) == (1, 1)

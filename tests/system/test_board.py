@@ -17,7 +17,7 @@ from tests.drivers.serial_line.board_play_bench import needs_board
 from tests.system.test_bus_demo import condition, moved
 
 pytestmark = [needs_board, pytest.mark.stress, pytest.mark.timeout(3600)]
-RATE_HZ = 10
+RATE_HZ = 20
 
 
 def configured(folder: Path, where: list[str]) -> Path:

@@ -79,7 +79,11 @@ spi.onTransmit = (value) => {
   clock.createAlarm(() => spi.completeTransmit(reply)).schedule((1e9 * spi.dataBits) / spi.clockFrequency);
 };
 chip.uart[0].onByte = (byte) => sent.push(byte);
-chip.peripherals[0x40058].onWatchdogTrigger = () => seen.resets++;
+const watchdog = chip.peripherals[0x40058];
+watchdog.onWatchdogTrigger = () => {
+  seen.resets++;
+  watchdog.timer.enable = false; // the reset itself needs the boot ROM
+};
 
 function run(until) {
   while (clock.nanos < until) {
