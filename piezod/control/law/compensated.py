@@ -7,6 +7,7 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import CORRECTED, Mode
+from piezod.config.response_file import RINGS_BELOW
 from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis, TimeFunction
 from piezod.control.law.compensator import Compensator, DriveHistory
@@ -17,6 +18,7 @@ from piezod.control.law.dynamics import (
     StageDynamics,
     known_dynamics,
 )
+from piezod.control.law.held_delay import stage_delay
 from piezod.control.law.identifier import Identifier, LearningGate
 from piezod.control.law.learned_models import LearnedBound, ModelErrors, ModelProof
 from piezod.control.law.learned_share import learned_share
@@ -109,12 +111,12 @@ def compensated_axis(
     dynamics = known_dynamics(config, period_s)
     model = in_loop(model, dynamics, period_s)
     delay_ns = s_to_ns(model.delay_s)
-    sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
+    sensor_delay_ns = delay_ns - s_to_ns(stage_delay_of(config, model, period_s))
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     pace = _pace(config, model.form, period_ns)
     modal = _modal(dynamics, period_ns, creep.quick)
-    proof = _proof(model, period_ns)
+    proof = _proof(model, period_ns, learned_share(config.compensator, model.form) * pace)
     identifier = _identifier(config, model, creep, history, period_ns, modal, proof.first)
     compensator = Compensator(
         model.form,
@@ -186,6 +188,22 @@ def in_loop(model: StageModel, dynamics: StageDynamics | None, period_s: float) 
     model = model.at(period_s)
     # The delay of a response is more accurate: that of an identification is of slow motion only.
     return model if dynamics is None else replace(model, delay_s=dynamics.delay_s)
+
+
+def stage_delay_of(config: AxisConfig, model: StageModel, period_s: float) -> float:
+    """Return the delay of the stage without that of its sensor, in s.
+
+    Args:
+        config: Configuration of the axis. Known modes are shaped for, so that they delay nothing.
+        model: Model for a loop with this period.
+        period_s: Period of the loop, in s.
+    """
+    sensor_delay_s = config.compensator.sensor_delay_s
+    if config.response is not None:
+        return model.delay_s - sensor_delay_s
+    mode = config.first_mode
+    mode_hz = mode.frequency_hz if mode and mode.damping < RINGS_BELOW else 0.0
+    return stage_delay(model.delay_s, sensor_delay_s, period_s, mode_hz)
 
 
 def shaper_of(
@@ -270,11 +288,12 @@ def _pace(config: AxisConfig, form: ModelForm, period_ns: int) -> float:
     return learning_pace(period_ns / NS_PER_S, config.first_mode, share)
 
 
-def _proof(model: StageModel, period_ns: int) -> ModelProof:
+def _proof(model: StageModel, period_ns: int, share: float) -> ModelProof:
     return ModelProof(
         LearnedModel(model.weights.copy()),
         window_cycles=_cycles(PROOF_WINDOW_S, period_ns),
         lag_cycles=abs(s_to_ns(model.delay_s)) // period_ns + LAG_CYCLES,
+        learned_share=share,
     )
 
 

@@ -1,12 +1,13 @@
 """The delay behind a held voltage, at other rates."""
 
-from math import exp
+from math import exp, pi
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.law.held_delay import delay_at
+from piezod.control.law.held_delay import delay_at, stage_delay
 
 DELAYS_S = st.floats(1e-5, 1e-2)
 PERIODS_S = st.floats(1e-4, 1e-2)
@@ -63,3 +64,27 @@ def test_delays_of_the_simulated_stack_agree() -> None:
     """Those that fits of records at 1 kHz and at 10 kHz have found."""
     assert delay_at(0.2810e-3, 1e-3, 1e-4) == pytest.approx(0.6918e-3, abs=1e-5)
     assert delay_at(0.6918e-3, 1e-4, 1e-3) == pytest.approx(0.2810e-3, abs=1e-5)
+
+
+def test_slow_stage_lacks_the_delay_of_its_sensor() -> None:
+    """Whether its mode is known or not, if it is slow against the rate of the loop."""
+    assert stage_delay(0.7e-3, 0.6e-3, 1e-4, 0.0) == pytest.approx(0.1e-3)
+    assert stage_delay(0.7e-3, 0.6e-3, 1e-4, 400.0) == pytest.approx(0.1e-3, abs=2e-6)
+
+
+@given(delay_s=st.floats(-2e-3, 2e-3), mode_hz=st.floats(500.0, 5000.0))
+def test_stage_that_rings_is_shown_half_a_cycle_early(delay_s: float, mode_hz: float) -> None:
+    """A sensor does not tell; without a delay of the sensor, the stage is as it is shown."""
+    assert stage_delay(delay_s, 0.1e-3, 1e-3, mode_hz) == -0.5e-3
+    assert stage_delay(delay_s, 0.0, 1e-3, mode_hz) == delay_s
+
+
+@pytest.mark.parametrize("mode_hz", [100.0, 200.0, 300.0, 400.0])
+def test_between_both_a_part_of_the_lag_remains(mode_hz: float) -> None:
+    """As of a mode behind a lag of 0.1 ms, hardly damped, whose steps are summed up."""
+    angle = 2.0 * pi * mode_hz * 1e-3
+    steps = np.arange(1, 20_000)
+    lacks = np.exp(-1e-3 * angle * steps) * np.cos(angle * (steps - 0.1))
+
+    expected = pytest.approx(1e-3 * np.sum(lacks), abs=0.02e-3)
+    assert stage_delay(0.2e-3, 0.6e-3, 1e-3, mode_hz) == expected
