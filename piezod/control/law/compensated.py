@@ -7,7 +7,6 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import CORRECTED, Mode
-from piezod.config.response_file import RINGS_BELOW
 from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis, TimeFunction
 from piezod.control.law.compensator import Compensator, DriveHistory
@@ -201,9 +200,7 @@ def stage_delay_of(config: AxisConfig, model: StageModel, period_s: float) -> fl
     sensor_delay_s = config.compensator.sensor_delay_s
     if config.response is not None:
         return model.delay_s - sensor_delay_s
-    mode = config.first_mode
-    mode_hz = mode.frequency_hz if mode and mode.damping < RINGS_BELOW else 0.0
-    return stage_delay(model.delay_s, sensor_delay_s, period_s, mode_hz)
+    return stage_delay(model.delay_s, sensor_delay_s, period_s, config.first_mode)
 
 
 def shaper_of(

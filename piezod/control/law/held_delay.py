@@ -13,6 +13,8 @@ What is beyond that is a time by which samples are told early.
 
 from math import exp, pi, tan
 
+from piezod.config.first_mode import FirstModeConfig
+
 
 def delay_at(delay_s: float, held_s: float, period_s: float) -> float:
     """Return the delay in a loop with another period, in s.
@@ -30,25 +32,33 @@ def delay_at(delay_s: float, held_s: float, period_s: float) -> float:
     return _sampled_s(_continuous_s(delay_s, held_s), period_s)
 
 
-def stage_delay(delay_s: float, sensor_delay_s: float, period_s: float, mode_hz: float) -> float:
+def stage_delay(
+    delay_s: float, sensor_delay_s: float, period_s: float, mode: FirstModeConfig | None
+) -> float:
     """Return the delay of the stage itself, at the instants of the cycles, in s.
 
     That of a stage which is slow against T is less by the delay of the sensor. If its first mode
-    rings on from cycle to cycle, its own sum is near -1/2, whatever the sensor shows. Between both,
-    with a mode that turns by 2 x in a cycle, x / tan(x) of its lag behind -T/2 remains.
+    rings on from cycle to cycle, its own sum is near -1/2, whatever the sensor shows; it is smaller
+    if less than the whole ring is left after T. Between both, with a mode that turns by 2 x in a
+    cycle, x / tan(x) of the lag behind -T/2 remains.
 
     Args:
         delay_s: Delay of the samples, in s.
         sensor_delay_s: Delay of the sensor, in s; 0 if samples count as the stage.
         period_s: Period of the loop, in s.
-        mode_hz: Frequency of the first mode, in Hz; 0 if it is unknown or does not ring.
+        mode: First mode; None if it is unknown: the stage then counts as slow.
     """
     if sensor_delay_s == 0.0:
         return delay_s
-    angle = pi * mode_hz * period_s
-    share = 1.0 if angle == 0.0 else max(angle / tan(angle), 0.0) if angle < 0.5 * pi else 0.0
-    half_s = 0.5 * period_s
-    return share * max(delay_s + half_s - sensor_delay_s, 0.0) - half_s
+    angle, left = 0.0, 1.0
+    if mode is not None:
+        angle = pi * mode.frequency_hz * period_s
+        left = exp(-2.0 * mode.damping * angle)
+    share = 1.0
+    if angle > 0.0:
+        share = angle / tan(angle) if angle < 0.5 * pi else 0.0
+    behind_s = max(delay_s + 0.5 * period_s - sensor_delay_s, 0.0)
+    return share * behind_s - period_s * left * (1.0 - 0.5 * left)
 
 
 def _continuous_s(delay_s: float, held_s: float) -> float:

@@ -201,6 +201,7 @@ class LearnedUse:
         self._window_cycles, self._share = window_cycles, 1.0 / window_cycles
         self._learned_share = learned_share
         self._windows = deque[float](maxlen=MOST)
+        self._sum, self._samples = 0.0, 0
         self.restart()
 
     def restart(self) -> None:
