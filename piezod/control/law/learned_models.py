@@ -35,6 +35,7 @@ from piezod.control.law.model import StageModel
 from piezod.control.signals import RecentRange
 from piezod.hysteresis import LearnedModel, ModelForm
 from piezod.hysteresis.adaptation import Adaptable, AdaptiveIdentifier
+from piezod.hysteresis.covariance import MEASUREMENT_VARIANCE
 from piezod.hysteresis.memory import Memory
 from piezod.units import NS_PER_S
 
@@ -226,6 +227,8 @@ class LearnedUse:
             return False
         difference = error - first_error
         self._difference += self._share * (difference * difference - self._difference)
+        if of_noise > MEASUREMENT_VARIANCE:  # recursive least squares trusts such samples less
+            of_noise = sqrt(of_noise * MEASUREMENT_VARIANCE)
         explained = of_lag + self._learned_share * of_noise
         self._explained += self._share * (explained - self._explained)
         least = self._explained if self._clear else CLEARLY * self._explained
