@@ -322,7 +322,7 @@ class CompensatedAxis:
         errors = identifier.errors
         if errors and identifier.learned:
             use, noise = proof.use, identifier.gate.noise_variance
-            if use.add(errors.learned, errors.first, errors.of_lag, noise):
+            if use.add(errors.learned, errors.first, errors.of_lag, noise, errors.change):
                 self.compensator.use_learned(use.used, proof.first)
         if not self.compensator.learns_in_use:
             return

@@ -50,15 +50,22 @@ def stage_delay(
     """
     if sensor_delay_s == 0.0:
         return delay_s
-    angle, left = 0.0, 1.0
-    if mode is not None:
-        angle = pi * mode.frequency_hz * period_s
-        left = exp(-2.0 * mode.damping * angle)
-    share = 1.0
-    if angle > 0.0:
-        share = angle / tan(angle) if angle < 0.5 * pi else 0.0
+    left = exp(-2.0 * pi * mode.damping * mode.frequency_hz * period_s) if mode else 1.0
     behind_s = max(delay_s + 0.5 * period_s - sensor_delay_s, 0.0)
-    return share * behind_s - period_s * left * (1.0 - 0.5 * left)
+    return shown_share(period_s, mode) * behind_s - period_s * left * (1.0 - 0.5 * left)
+
+
+def shown_share(period_s: float, mode: FirstModeConfig | None) -> float:
+    """Return the share of a lag of the stage that its instants show, from 0 to 1.
+
+    Args:
+        period_s: Period of the loop, in s.
+        mode: First mode; None if it is unknown.
+    """
+    angle = pi * mode.frequency_hz * period_s if mode else 0.0
+    if angle == 0.0:
+        return 1.0
+    return angle / tan(angle) if angle < 0.5 * pi else 0.0
 
 
 def _continuous_s(delay_s: float, held_s: float) -> float:

@@ -165,9 +165,11 @@ class ModelErrors:
             of_learned.take_over(memory)
         self._learned = learned
         self._step_first, self._step_learned = of_first.step, of_learned.step
-        self._drive, self._change = nan, 0.0
+        self._drive = nan
         self.learned = self.first = nan
         """Measured minus predicted displacement of both, in units of the range."""
+        self.change = 0.0
+        """Change of the drive since the sample before, normalised."""
         self.of_lag = 0.0
         """Square of what a lag that nobody knows may make of the displacement, in the same unit."""
 
@@ -182,8 +184,8 @@ class ModelErrors:
         drive = 0.0 if drive < 0.0 else 1.0 if drive > 1.0 else drive
         change = drive - self._drive
         if change == change:  # noqa: PLR0124 - not NaN, as the first one is
-            bend, late = change - self._change, UNKNOWN_LAG_CYCLES * change
-            self.of_lag, self._change = late * late + bend * bend, change
+            bend, late = change - self.change, UNKNOWN_LAG_CYCLES * change
+            self.of_lag, self.change = late * late + bend * bend, change
         self._drive = drive
         self.first = position - crept - self._step_first(drive)
         shown = self._step_learned(drive) + crept + self._learned.offset
@@ -196,11 +198,14 @@ class LearnedUse:
     Args:
         window_cycles: Number of samples between two judgements.
         learned_share: Share of its error that the model learns from a sample.
+        unseen_lag_cycles: Largest lag that makes no difference, in cycles.
     """
 
-    def __init__(self, window_cycles: int, learned_share: float) -> None:
+    def __init__(
+        self, window_cycles: int, learned_share: float = 0.0, unseen_lag_cycles: float = 0.0
+    ) -> None:
         self._window_cycles, self._share = window_cycles, 1.0 / window_cycles
-        self._learned_share = learned_share
+        self._learned_share, self._unseen_lag = learned_share, unseen_lag_cycles
         self._windows = deque[float](maxlen=MOST)
         self._sum, self._samples = 0.0, 0
         self.restart()
@@ -209,10 +214,12 @@ class LearnedUse:
         """Use the learned model: it is the identified one again."""
         self.used = self._better = self._clear = True
         """Whether the learned model is used."""
-        self._difference = self._explained = 0.0
+        self._difference = self._late = self._moved = self._explained = 0.0
         self._begin()
 
-    def add(self, error: float, first_error: float, of_lag: float, of_noise: float) -> bool:
+    def add(
+        self, error: float, first_error: float, of_lag: float, of_noise: float, change: float
+    ) -> bool:
         """Take a sample in motion; return whether `used` has changed.
 
         Args:
@@ -221,24 +228,36 @@ class LearnedUse:
             first_error: Error of the identified model.
             of_lag: Square of what an unknown lag may make of the displacement.
             of_noise: Variance of the noise of the samples.
+            change: Change of the drive since the sample before.
         """
         more = error * error - first_error * first_error
         if more - more != 0.0:  # not finite
             return False
-        difference = error - first_error
-        self._difference += self._share * (difference * difference - self._difference)
-        if of_noise > MEASUREMENT_VARIANCE:  # recursive least squares trusts such samples less
-            of_noise = sqrt(of_noise * MEASUREMENT_VARIANCE)
-        explained = of_lag + self._learned_share * of_noise
-        self._explained += self._share * (explained - self._explained)
-        least = self._explained if self._clear else CLEARLY * self._explained
-        self._clear = self._explained <= LEAST_MORE or self._difference > least
+        self._look(error - first_error, of_lag, of_noise, change)
         self._sum += more
         self._samples += 1
         if self._samples >= self._window_cycles:
             self._judge()
         before, self.used = self.used, self._better and self._clear
         return self.used is not before
+
+    def _look(self, difference: float, of_lag: float, of_noise: float, change: float) -> None:
+        """See whether the models differ by more than lag and noise explain."""
+        share, lag = self._share, self._unseen_lag
+        if of_noise > MEASUREMENT_VARIANCE:  # recursive least squares trusts such samples less
+            of_noise = sqrt(of_noise * MEASUREMENT_VARIANCE)
+        explained = of_lag + self._learned_share * of_noise
+        self._explained += share * (explained - self._explained)
+        self._difference += share * (difference * difference - self._difference)
+        beyond = self._difference
+        if lag:
+            self._late += share * (difference * change - self._late)
+            self._moved += share * (change * change - self._moved)
+            # The lag that explains most of the difference, as far as it is allowed.
+            lag = min(lag, abs(self._late) / self._moved) if self._moved else 0.0
+            beyond += lag * (lag * self._moved - 2.0 * abs(self._late))
+        least = self._explained if self._clear else CLEARLY * self._explained
+        self._clear = self._explained <= LEAST_MORE or beyond > least
 
     def _judge(self) -> None:
         """Judge at the end of a window which model predicts better."""
@@ -271,16 +290,20 @@ class ModelProof:
         first: The model from the identification.
         window_cycles: Number of cycles between two comparisons.
         lag_cycles: An error that this many cycles of delay explain does not count.
-        learned_share: Share of its error that the model learns from a sample.
+        use: Judges whether the learned model is used at all; None for one without lag and noise.
     """
 
     def __init__(
-        self, first: LearnedModel, window_cycles: int, lag_cycles: int, learned_share: float = 0.0
+        self,
+        first: LearnedModel,
+        window_cycles: int,
+        lag_cycles: int,
+        use: LearnedUse | None = None,
     ) -> None:
         self.first, self.proven = first, LearnedModel.of(first)
         """The model from the identification, and the last model that has proved itself."""
         self._candidate = LearnedModel.of(first)  # in use at the start of the window
-        self.use = LearnedUse(window_cycles, learned_share)
+        self.use = use or LearnedUse(window_cycles)
         """Whether the learned model is used at all."""
         self._window_cycles = window_cycles
         self._command = RecentRange(lag_cycles + 1)

@@ -31,7 +31,7 @@ def windows_to_change(subject: LearnedUse, learned: float, first: float) -> int 
     for window in range(1, 41):
         for k, noise in enumerate(rng.normal(0.0, NOISE, WINDOW).tolist()):
             swings = np.sqrt(2.0) * np.sin(0.05 * k)
-            if subject.add(noise + learned * swings, noise + first * swings, 0.0, 0.0):
+            if subject.add(noise + learned * swings, noise + first * swings, 0.0, 0.0, 0.0):
                 return window
     return None
 
@@ -48,12 +48,12 @@ def windows_to_change(subject: LearnedUse, learned: float, first: float) -> int 
 )
 def test_worse_model_is_noticed_in_noise(learned: float, first: float, changes: bool) -> None:
     """Its error may be half of the noise, which both models have."""
-    assert (windows_to_change(LearnedUse(WINDOW, 0.0), learned, first) is not None) == changes
+    assert (windows_to_change(LearnedUse(WINDOW), learned, first) is not None) == changes
 
 
 def test_model_that_has_become_better_is_used_again() -> None:
     """It has learned on meanwhile, or the stage has changed."""
-    subject = LearnedUse(WINDOW, 0.0)
+    subject = LearnedUse(WINDOW)
     assert windows_to_change(subject, 0.001, 0.0)
     assert not subject.used
 
@@ -64,9 +64,9 @@ def test_model_that_has_become_better_is_used_again() -> None:
 
 def test_errors_that_are_not_finite_do_not_count() -> None:
     """They are those of samples from which nothing was learned."""
-    subject = LearnedUse(WINDOW, 0.0)
+    subject = LearnedUse(WINDOW)
     for _ in range(10 * WINDOW):
-        assert not subject.add(float("nan"), 0.0, 0.0, 0.0)
+        assert not subject.add(float("nan"), 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -86,20 +86,38 @@ def test_difference_that_lag_and_noise_explain_is_not_used(
     """Even if it makes the measured error zero: the samples may show what the stage does not do."""
     subject, rng = LearnedUse(WINDOW, 0.1), np.random.default_rng(1)
     for noise in rng.normal(0.0, NOISE, 4 * WINDOW).tolist():
-        subject.add(noise, noise + learned, of_lag, of_noise)
+        subject.add(noise, noise + learned, of_lag, of_noise, 0.0)
 
     assert subject.used == used
 
 
 def test_model_that_differs_by_more_after_a_while_is_used() -> None:
     """Clearly more: near the limit it would come and go."""
-    subject = LearnedUse(WINDOW, 0.0)
+    subject = LearnedUse(WINDOW)
     changes = [
-        subject.add(0.0, difference, 0.003**2, 0.0) for difference in np.linspace(0, 0.02, 9000)
+        subject.add(0.0, difference, 0.003**2, 0.0, 0.0)
+        for difference in np.linspace(0, 0.02, 9000)
     ]
 
     assert sum(changes) == 2
     assert subject.used
+
+
+@pytest.mark.parametrize(
+    ("lag_cycles", "beside", "used"),
+    [(0.4, 0.0, False), (0.7, 0.0, True), (0.4, 0.01, True), (-0.4, 0.0, False)],
+)
+def test_lag_that_samples_do_not_tell_makes_no_difference(
+    lag_cycles: float, beside: float, used: bool
+) -> None:
+    """In addition to it, another difference counts."""
+    subject = LearnedUse(WINDOW, 0.0, 0.5)
+    for k in range(4 * WINDOW):
+        position, change = 0.3 * np.sin(0.05 * k), 0.015 * np.cos(0.05 * k)
+        difference = lag_cycles * change + beside * position
+        subject.add(0.0, difference, 1e-6, 0.0, change)
+
+    assert subject.used == used
 
 
 def test_lag_changes_the_displacement_with_speed_and_its_change() -> None:
