@@ -276,6 +276,29 @@ def play(board: Board) -> None:
     expect(found.kept == 7, f"a record from the seventh point before the end has {found.kept}")
 
 
+def edges(board: Board) -> None:
+    """A play holds its outputs where it waits for an edge."""
+    if board.facts.get("edges") != "1":
+        return
+    sum_ = board.load(board.wave)
+    board.on()
+    board.refuses("E 10 0 1", "range")
+    board.status("E 10 1 1")
+    board.status(f"P 0 100 1 {board.facts['longest']} 0 {sum_:04X}")
+    board.status("G")
+    for _ in range(100):
+        if board.ask("K") == "K 0 0 1":
+            break
+        board.wait(0.05)
+    board.wait(0.1)
+    found = board.status()
+    expect(board.ask("K") == "K 0 0 1", "a play does not wait for an edge")
+    expect(found.state == "play" and found.outputs[0] == board.wave[9], "it waits elsewhere")
+    board.refuses("K 0", "memory")
+    board.status("A")
+    board.status("E 0 1 0")
+
+
 def stop(board: Board) -> None:
     """A play refuses setpoints and tables; a stop holds the value that is in force."""
     board.on()
@@ -319,7 +342,7 @@ def watchdog(board: Board) -> None:
 
 
 CHECKS: Final[tuple[Callable[[Board], None], ...]] = (
-    identity, control, nonsense, checksums, tables, play, stop, watchdog,
+    identity, control, nonsense, checksums, tables, play, edges, stop, watchdog,
 )  # fmt: skip
 
 

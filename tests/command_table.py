@@ -16,7 +16,7 @@ from piezod.cli.main import app
 from piezod.client import StageClient
 from piezod.client.commands import StageCommands
 from piezod.client.reports import StageReports
-from piezod.messages.endpoints import Endpoint, Group, Role
+from piezod.messages.endpoints import Endpoint, Role
 from piezod.messages.requests import TABLE
 from tests.man_page import loaded
 
@@ -38,7 +38,7 @@ def main() -> None:
 def page() -> str:
     """Return the page about the client with its tables written anew."""
     text = PAGE.read_text(encoding="utf-8")
-    tables = {"verbs": verb_table(), "methods": method_table(), "endpoints": endpoint_table()}
+    tables = {"methods": method_table(), "endpoints": endpoint_table()}
     for name, lines in tables.items():
         before, begin, rest = text.partition(BEGIN.format(name))
         _, end, after = rest.partition(END)
@@ -46,19 +46,6 @@ def page() -> str:
             raise ValueError(f"{PAGE} has no marks for the table of {name}")
         text = "".join((before, begin, *(f"{line}\n" for line in lines), end, after))
     return text
-
-
-def verb_table() -> Iterator[str]:
-    """Yield the lines of the table of verbs, under their headings."""
-    usages = usage_of_verbs()
-    yield "| verb | what it does |"
-    yield "|---|---|"
-    for group in Group:
-        yield f"| **{group}** | |"
-        for row in TABLE.values():
-            if row.group is group:
-                summary = row.help.partition("\n")[0].replace("|", "\\|")
-                yield f"| `{usages[row.verb]}` | {summary} |"
 
 
 def method_table() -> Iterator[str]:

@@ -14,6 +14,7 @@ from ophyd_async.core import (
     Callback,
     DeviceMock,
     SignalMetadata,
+    SignalR,
     StandardReadable,
     WatchableAsyncStatus,
     WatcherUpdate,
@@ -21,7 +22,6 @@ from ophyd_async.core import (
     default_mock_class,
     observe_value,
     set_mock_value,
-    soft_signal_r_and_setter,
 )
 from ophyd_async.core import StandardReadableFormat as Format
 
@@ -29,6 +29,7 @@ from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.motion import move_to
 from piezod.bluesky.recorded import Column
 from piezod.bluesky.signals import SignalSource, movable, readable
+from piezod.client.facts import AxisFacts
 from piezod.errors import NotReachedError, RefusedError
 from piezod.messages.shown import unit_of
 
@@ -106,9 +107,9 @@ class PiezoAxis(
                     lambda interval: interval.axes[axis].mode,
                 ),
             )
-            self.speed, self._set_speed = soft_signal_r_and_setter(float, units="um/s")
-            self.low_limit, self._set_low_limit = soft_signal_r_and_setter(float, units="um")
-            self.high_limit, self._set_high_limit = soft_signal_r_and_setter(float, units="um")
+            self.speed = self._configured("speed_um", lambda facts: facts.speed_um_per_s, "/s")
+            self.low_limit = self._configured("low_limit_um", lambda facts: facts.range_um[0])
+            self.high_limit = self._configured("high_limit_um", lambda facts: facts.range_um[1])
         target = SignalSource(
             f"{axis}/target_um",
             float,
@@ -134,8 +135,9 @@ class PiezoAxis(
             self.low_limit.get_value(), self.high_limit.get_value()
         )
         if not math.isfinite(value) or value < low_um or value > high_um:
-            what = f"{self.name}: position out of range (got {value:g} µm)"
-            remedy = f"allowed: {low_um:g} to {high_um:g} µm, command_range_um of the axis"
+            what = f"{self.name}: position out of range (got {value:g} {self._unit})"
+            allowed = f"{low_um:g} to {high_um:g} {self._unit}"
+            remedy = f"allowed: {allowed}, the range of the axis"
             raise RefusedError(what, remedy, "value")
 
     def set(
@@ -170,14 +172,14 @@ class PiezoAxis(
                         initial=initial_um,
                         target=value,
                         name=self.name,
-                        unit="µm",
+                        unit=self._unit,
                         precision=unit_of("position_um").fine,
                     )
         except asyncio.CancelledError:
             if not movement.ended:
                 raise
         if movement.ended == "failure":
-            raise NotReachedError(f"{self.name}: stopped before it reached {value:g} µm")
+            raise NotReachedError(f"{self.name}: stopped before it reached {value:g} {self._unit}")
 
     async def stop(self, success: bool = False) -> None:
         """Hold the stage, with all of its axes, if a movement of this axis has not arrived.
@@ -222,7 +224,7 @@ class PiezoAxis(
         try:
             await self.setpoint.set(value, timeout=timeout_s)
         except TimeoutError as error:
-            what = f"{self.name}: {value:g} µm not reached within {timeout_s:g} s"
+            what = f"{self.name}: {value:g} {self._unit} not reached within {timeout_s:g} s"
             remedy = "is the tolerance above the noise, and the mode one that corrects the error?"
             raise NotReachedError(what, remedy, "timeout") from error
 
@@ -239,13 +241,6 @@ class PiezoAxis(
             )
         ]
 
-    def set_limits(self) -> None:
-        """Take the limits from the configuration in force."""
-        facts = self._link.facts[self._axis]
-        self._set_speed(facts.speed_um_per_s)
-        self._set_low_limit(facts.range_um[0])
-        self._set_high_limit(facts.range_um[1])
-
     def _measured(self, quantity: str) -> SignalSource[float]:
         return SignalSource(
             f"{self._axis}/{quantity}",
@@ -255,10 +250,28 @@ class PiezoAxis(
             self._metadata(quantity),
         )
 
+    def _configured(
+        self, quantity: str, of: Callable[[AxisFacts], float], per: str = ""
+    ) -> SignalR[float]:
+        def value(_now: object) -> float:
+            return of(self._link.facts[self._axis])
+
+        def metadata() -> SignalMetadata:
+            unit = unit_of(quantity, self._unit)
+            return SignalMetadata(units=unit.ascii + per, precision=unit.fine)
+
+        path = f"{self._axis}/{quantity}"
+        return readable(self._link, SignalSource(path, float, value, value, metadata))
+
+    @property
+    def _unit(self) -> str:
+        facts = self._link.facts.get(self._axis)  # not in mock mode
+        return facts.unit if facts else "µm"
+
     def _metadata(self, quantity: str) -> Callable[[], SignalMetadata]:
         def metadata() -> SignalMetadata:
-            facts = self._link.facts.get(self._axis)  # not in mock mode
-            unit = unit_of(quantity, facts.unit if facts else "µm")
+            facts = self._link.facts.get(self._axis)
+            unit = unit_of(quantity, self._unit)
             found = SignalMetadata(units=unit.ascii, precision=unit.fine)
             if facts:
                 low, high = facts.drive_v if unit.sign == "V" else facts.range_um

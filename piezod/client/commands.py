@@ -175,6 +175,7 @@ class StageCommands:
         frame_pulse: int = 0,
         frame_points: int = 0,
         pause: int = 0,
+        edges: Mapping[str, float] | None = None,
     ) -> Call[Answer]:
         """Let the device of some axes play a scan by its own clock; `scanned` returns the samples.
 
@@ -187,6 +188,8 @@ class StageCommands:
             frame_pulse: Bits that pulse once, at the first point.
             frame_points: Points for which they are high.
             pause: Point of a sweep at which the fast axis stands still.
+            edges: Where it waits for edges: `first`, `every` and `tail` in points, `times`, and
+                `within_s`.
         """
         return command(
             "scan",
@@ -196,6 +199,7 @@ class StageCommands:
             frame_pulse=frame_pulse,
             frame_points=frame_points,
             pause=pause,
+            edges=edges,
         )
 
     @ClientMethod

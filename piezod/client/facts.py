@@ -5,6 +5,7 @@ from typing import NamedTuple, Self
 
 from piezod.config.daemon import OnTargetConfig, StageAxisConfig
 from piezod.messages.documents import Document
+from piezod.messages.shown import unit_of
 
 
 class AxisFacts(NamedTuple):
@@ -48,19 +49,26 @@ class AxisFacts(NamedTuple):
         low_um, high_um = self.range_um
         return low_um < high_um
 
+    @property
+    def ascii_unit(self) -> str:
+        """Unit of its positions for programs that know no µ."""
+        return unit_of("position_um", self.unit).ascii
+
     def why_not(self, position_um: float) -> str:
         """Return why the axis cannot move to a position; empty if it can."""
         low_um, high_um = self.range_um
         if low_um <= position_um <= high_um:
             return ""
-        return f"{position_um:g} um, allowed range {low_um:g} to {high_um:g} um"
+        unit = self.ascii_unit
+        return f"{position_um:g} {unit}, allowed range {low_um:g} to {high_um:g} {unit}"
 
     def why_not_speed(self, speed_um_per_s: float) -> str:
         """Return why a speed is not allowed; empty if it is."""
         if 0.0 < speed_um_per_s <= self.speed_um_per_s:
             return ""
         fastest = self.speed_um_per_s
-        return f"speed {speed_um_per_s:g} um/s, allowed: above 0, at most {fastest:g}"
+        unit = self.ascii_unit
+        return f"speed {speed_um_per_s:g} {unit}/s, allowed: above 0, at most {fastest:g}"
 
 
 def facts_in(config: Document) -> dict[str, AxisFacts]:

@@ -7,7 +7,6 @@ compares both.
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
 
 from piezod.client.arrival import Arrival, Arriving, StartedMove, refuse_without_sensor
@@ -95,12 +94,7 @@ class StageClient(StageCommands, StageReports, SyncCaller):
 
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -87,6 +87,13 @@ class _Scan(ConfigModel):
         default=4, description="Largest number of corrections of the lines, and of the frame."
     )
     pulses: PulsesConfig = Field(default=PulsesConfig(), description="Pulses of the device.")
+    start: Literal["at once", "edge"] = Field(
+        default="at once",
+        description="edge: the stored frame starts at a rising edge of the device's trigger input.",
+    )
+    within_s: Annotated[float, Quantity(0.01, 3600, "s")] = Field(
+        default=10.0, description="Longest wait for an edge, s; the scan ends there without one."
+    )
 
     @property
     def interval_ns(self) -> int:
@@ -190,6 +197,11 @@ class StackScan(_Scan):
     move_s: Annotated[float, Quantity(1e-4, 60, "s")] = Field(
         description="Time to go to the next plane and to settle there, s."
     )
+    step: Literal["time", "edge"] = Field(
+        default="time",
+        description="edge: each rising edge of the device's trigger input ends a plane, and the "
+        "stage goes to the next one; plane_s and move_s are the shortest times.",
+    )
 
     @property
     def spans(self) -> tuple[SpanConfig, ...]:
@@ -197,6 +209,8 @@ class StackScan(_Scan):
         return (self.planes,)
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
+        if self.step == self.start == "edge":
+            yield ("start",), "leave it out: with `step: edge` the first plane waits for an edge"
         least_s = 2e-6 * self.interval_us
         for key in ("plane_s", "move_s"):
             value_s = getattr(self, key)

@@ -6,7 +6,6 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Full, Queue
-from types import TracebackType
 from typing import Final, Generic, Self, TextIO, TypeVar
 
 ItemT = TypeVar("ItemT")
@@ -110,12 +109,7 @@ class BackgroundStream:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Write the last lines, if the stream takes them."""
         self._lines.close()
 

@@ -12,6 +12,7 @@ from piezod.devices.interface import Amplifier, Device, Sample, Sensor
 from piezod.devices.outputs import SLACK_V, CalibratedOutput
 from piezod.devices.player import (
     Check,
+    EdgeWaits,
     KnowsTruePlay,
     Player,
     PlayerCapabilities,
@@ -191,6 +192,7 @@ def load_together(
     pulses: npt.NDArray[np.uint8] | None,
     now_ns: int,
     check: Check = go_on,
+    edges: EdgeWaits | None = None,
 ) -> list[AxisTable]:
     """Load the tables of axes of one device; return them as the device will play them.
 
@@ -200,6 +202,7 @@ def load_together(
         pulses: As in a table of the device.
         now_ns: The present instant, in ns.
         check: Called between exchanges.
+        edges: As in a table of the device.
 
     Raises:
         DeviceError: If the device refuses them, or does not know the voltage of an output that is
@@ -218,7 +221,8 @@ def load_together(
     for axis, table in zip(axes, tables, strict=True):
         lead_in[:, axis.output] = axis.values_of(table.lead_in_v)
         period[:, axis.output] = axis.values_of(table.period_v)
-    loaded = device.load(Table(first.interval_ns, lead_in, period, first.cycles, pulses), check)
+    wanted = Table(first.interval_ns, lead_in, period, first.cycles, pulses, edges)
+    loaded = device.load(wanted, check)
     echoed = [
         table._replace(
             lead_in_v=axis.voltages_of(loaded.lead_in), period_v=axis.voltages_of(loaded.period)

@@ -6,6 +6,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from piezod.devices.bus.table_check import waits_problem
 from piezod.devices.played_axis import AxisTable, PlayedAxis, load_together
 from piezod.devices.player import (
     AtEnd,
@@ -13,11 +14,13 @@ from piezod.devices.player import (
     KnowsTruePlay,
     Player,
     PlayerCapabilities,
+    SeenEdge,
     go_on,
 )
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
+from piezod.units import NS_PER_S
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 MOST_BLOCK_POINTS = 100_000
@@ -27,8 +30,17 @@ MOST_BLOCK_POINTS = 100_000
 class ScanBlock(NamedTuple):
     """Points that are loaded and played together."""
 
-    first: int  #: Index of the first point of all sweeps.
+    first: int  #: Index of the first point of all sweeps; negative if it begins before them.
     end: int  #: Index behind the last one.
+
+    @property
+    def is_before(self) -> bool:
+        """Whether it has no sweep."""
+        return self.end <= 0
+
+    def longest_wait_ns(self, table: ScanTable) -> int:
+        """Return the longest time for which it waits for edges, in ns."""
+        return 0 if table.edges is None or self.is_before else table.edges.longest_ns
 
 
 class BlockRecord(NamedTuple):
@@ -37,16 +49,19 @@ class BlockRecord(NamedTuple):
     position_um: FloatArray  #: (k, axes) measured displacement, in µm; NaN if it is not valid.
     true_um: FloatArray  #: (k, axes) true displacement from rest, in µm; NaN if not known.
     detected: FloatArray  #: (k, inputs) values of the inputs beside, in their units.
+    edges: tuple[SeenEdge, ...] = ()  #: The edges, if it waits for them.
+    played: int = 0  #: Points of the block that were played.
 
     def joined(self, later: "BlockRecord") -> "BlockRecord":
         """Return this record with a later one behind it."""
-        return BlockRecord(*map(np.concatenate, zip(self, later, strict=True)))
+        columns = [np.concatenate(both) for both in zip(self[:3], later[:3], strict=True)]
+        position_um, true_um, detected = columns
+        return BlockRecord(position_um, true_um, detected, self.edges + later.edges)
 
     def split(self, at: int) -> "tuple[BlockRecord, BlockRecord]":
         """Return the first samples, and those behind them."""
-        return BlockRecord(*(part[:at] for part in self)), BlockRecord(
-            *(part[at:] for part in self)
-        )
+        p, t, d = self[:3]
+        return BlockRecord(p[:at], t[:at], d[:at]), BlockRecord(p[at:], t[at:], d[at:])
 
 
 class PlayedScan:
@@ -101,12 +116,8 @@ class PlayedScan:
                 f"pulses are for line {highest}, the device has {able.pulse_lines} lines of "
                 "pulses; see the options of its driver"
             )
-        most, lead_in = self._most_points(table), len(table.lead_in_v)
-        if lead_in + table.points > most:
-            return (
-                f"lead-in and one sweep have {lead_in + table.points} points for each axis, the "
-                f"device takes {most}: choose a longer interval"
-            )
+        if why := self._too_large(table):
+            return why
         if able.at_end is not AtEnd.HOLDS:
             return (
                 "it is not known whether the device holds its last voltages, as it must at the end "
@@ -114,31 +125,85 @@ class PlayedScan:
             )
         return ""
 
-    def _most_points(self, table: ScanTable) -> int:
+    def _too_large(self, table: ScanTable) -> str:
+        """Return why a scan does not fit into the device, or waits too often; empty if it fits."""
+        if table.edges is None:
+            before, room = table.run_up_points, self._room(table, table.run_up_points)
+            if table.points <= room:
+                return ""
+            return (
+                f"behind a run-up of {before} points the device has room for {room} points of "
+                f"each axis, a sweep has {table.points}: choose a longer interval"
+            )
+        room = self._memory(table)
+        if why := waits_problem(table.edges, self.capabilities.edge_waits):
+            return why
+        points = table.n_rows + table.points_from_pause
+        if points <= room:
+            return ""
+        return (
+            f"a scan that waits for edges is loaded at once: it has {points} points for each axis, "
+            f"the device takes {room}; choose a longer interval, or fewer sweeps"
+        )
+
+    def _memory(self, table: ScanTable) -> int:
+        """Return the most points of a table, if all of them are recorded."""
+        able = self.capabilities
+        points = self._table_points(table)
+        return points // 2 if able.record_shared else min(points, able.record_points)
+
+    def _table_points(self, table: ScanTable) -> int:
         able = self.capabilities
         columns = self._n_outputs + (1 if table.pulses.size else 0)
-        points = able.points // columns if able.points_shared else able.points
-        return min(points, able.record_points)
+        return able.points // columns if able.points_shared else able.points
+
+    def _room(self, table: ScanTable, lead_in: int) -> int:
+        """Return the most points of a block behind a lead-in, which needs no record."""
+        if self.capabilities.record_shared:
+            return min((self._table_points(table) - lead_in) // 2, MOST_BLOCK_POINTS)
+        return min(self._memory(table) - lead_in, MOST_BLOCK_POINTS)
+
+    def _begins_with_lead_in(self, table: ScanTable) -> bool:
+        """Return whether the first block has the whole lead-in."""
+        return table.edges is None and table.points <= self._room(table, len(table.lead_in_v))
 
     def blocks(self, table: ScanTable) -> Iterator[ScanBlock]:
         """Yield the blocks of a scan that `misfit` has not refused.
 
-        Each ends where the axes stand still. Those after the first have no lead-in.
+        Each ends where the fast axis stands still. Those after the first begin with a run-up. Where
+        a device waits for edges, one block has all sweeps. There, and where the lead-in does not
+        fit with a sweep, what comes before the pause is played in blocks of its own.
         """
-        most = min(self._most_points(table), MOST_BLOCK_POINTS + len(table.lead_in_v))
-        first, room = 0, most - len(table.lead_in_v)
+        first, room = 0, self._room(table, len(table.lead_in_v))
+        if not self._begins_with_lead_in(table):
+            first, room = -table.points_from_pause, self._room(table, table.run_up_points)
+            most = min(self._table_points(table), MOST_BLOCK_POINTS)
+            for begin in range(first - len(table.before_pause()), first, most):
+                yield ScanBlock(begin, min(begin + most, first))
+        if table.edges is not None:
+            yield ScanBlock(first, table.n_rows)
+            return
         while first < table.n_rows:
             whole = (first + room - table.pause) // table.points
             end = min(whole * table.points + table.pause, table.n_rows)
             if first + room >= table.n_rows:
                 end = table.n_rows
             yield ScanBlock(first, end)
-            first, room = end, most
+            first, room = end, self._room(table, table.run_up_points)
 
     def columns(self, table: ScanTable, block: ScanBlock) -> list[AxisTable]:
         """Return the table of each axis in a block, for the guard."""
-        rows = table.rows(block.first, block.end)
-        lead_in = table.lead_in_v if block.first == 0 else table.lead_in_v[:0]
+        lead_in = table.lead_in_v[:0]
+        if block.is_before:
+            before = table.before_pause()
+            behind = len(before) + table.points_from_pause
+            rows = before[block.first + behind : block.end + behind]
+        else:
+            rows = table.rows(*block)
+            if block.first == 0 and self._begins_with_lead_in(table):
+                lead_in = table.lead_in_v
+            elif table.edges is None:
+                lead_in = table.run_up(block.first)
         return [
             AxisTable(table.interval_ns, lead_in[:, i], rows[:, i], 1)
             for i in range(len(self.axes))
@@ -152,7 +217,7 @@ class PlayedScan:
         now_ns: int,
         check: Check = go_on,
     ) -> FloatArray:
-        """Load a block; return the last voltage of each axis, shape (axes,), in V.
+        """Load a block; return its voltages as the device plays them, shape (k, axes), in V.
 
         Args:
             table: The scan.
@@ -167,8 +232,9 @@ class PlayedScan:
         """
         masks = table.masks(block.first, block.end)
         pulses = masks if masks.size else None
-        echoed = load_together(self.axes, columns, pulses, now_ns, check)
-        return np.array([echo.period_v[-1] for echo in echoed])
+        edges = None if block.is_before else table.edges
+        echoed = load_together(self.axes, columns, pulses, now_ns, check, edges)
+        return np.stack([echo.period_v for echo in echoed], axis=1)
 
     def recording(self, block: ScanBlock, lead_in: int, check: Check = go_on) -> BlockRecord:
         """Return the record of a block that has ended, without its lead-in of this many points.
@@ -188,5 +254,18 @@ class PlayedScan:
         if first < 0:
             raise DeviceError(f"the record begins {-first} points after the first sweep")
         detected = record.positions[:, self._beside_places]
-        kept = slice(first, first + block.end - block.first)
-        return BlockRecord(positions[kept], true_um[kept], detected[kept])
+        before = 0 if block.is_before else max(-block.first, 0)
+        kept = slice(first + before, first + block.end - block.first)
+        played = len(positions) - first
+        return BlockRecord(positions[kept], true_um[kept], detected[kept], record.edges, played)
+
+
+def missing_edge(table: ScanTable, record: BlockRecord) -> str:
+    """Return that an edge has not come, from the record of all sweeps; empty if all have."""
+    edges = table.edges
+    if edges is None or len(record.position_um) >= table.n_rows:
+        return ""
+    n = sum(edge.used for edge in record.edges)
+    where = f"in plane {n + 1} of {table.sweeps}" if edges.first else "before its first sweep"
+    within_s = edges.within_ns / NS_PER_S
+    return f"no pulse came within {within_s:g} s (within_s): the scan has ended {where}"

@@ -15,6 +15,8 @@ interfaces in `piezod.devices.interface`. A play goes through these steps, in th
 - Only `progress` and `abort` are called in the loop. `load`, `arm`, `start`, `replace` and
   `recording` may take seconds, and are called outside of it. `load` and `recording` end between two
   exchanges if their `check` raises, so that a stop does not wait for the rest of a table.
+- A play that waits for edges goes on at a rising edge of the device's trigger input, by itself. It
+  counts the edges that come while points are played, which move nothing.
 - The device checks a table against its own range. The limits of an axis are checked before, for the
   table as a whole.
 """
@@ -69,7 +71,9 @@ class PlayerCapabilities(NamedTuple):
     lag_ns: int = 0  #: Time from a point of the table to its output, relative to the record, in ns.
     at_end: AtEnd = AtEnd.UNKNOWN  #: What the outputs do at the end.
     watchdog_while_playing: bool = False  #: Whether the device's own watchdog works while it plays.
+    record_shared: bool = False  #: Whether the record has the memory that a table leaves.
     pulse_lines: int = 0  #: Number of digital outputs that can be set in step with the points.
+    edge_waits: int = 0  #: Most waits for an edge in a play; 1 if an edge can only start it.
 
     def legal_interval_ns(self, interval_ns: int) -> int:
         """Return the shortest legal interval that is not shorter than the given one, in ns."""
@@ -78,6 +82,33 @@ class PlayerCapabilities(NamedTuple):
         return min(
             self.shortest_interval_ns + steps * self.interval_step_ns, self.longest_interval_ns
         )
+
+
+class EdgeWaits(NamedTuple):
+    """Points before which a play holds its outputs until an edge comes."""
+
+    first: int  #: Point of the period before which it waits.
+    every: int  #: Points from there to each further wait, at least 1.
+    times: int  #: Number of waits, at least 1.
+    #: Longest wait, in ns. The play ends there without an edge: its record has the points before.
+    within_ns: int
+
+    @property
+    def places(self) -> range:
+        """The points before which it waits."""
+        return range(self.first, self.first + self.times * self.every, self.every)
+
+    @property
+    def longest_ns(self) -> int:
+        """Longest time that all waits take, in ns."""
+        return self.times * self.within_ns
+
+
+class SeenEdge(NamedTuple):
+    """A rising edge at the trigger input of a device that plays."""
+
+    t_ns: int  #: Time since the start of the play, by the device's clock, in ns.
+    used: bool  #: Whether the play waited for it; otherwise points were played.
 
 
 class Table(NamedTuple):
@@ -90,6 +121,13 @@ class Table(NamedTuple):
     #: (n,) digital outputs at the points of the period, a bit for each line, the lowest for line 1;
     #: they are low in the lead-in and at the end. None leaves them alone.
     pulses: Mask | None = None
+    #: Where it waits for edges; it has one cycle and no lead-in then. None for nowhere.
+    edges: EdgeWaits | None = None
+
+    @property
+    def longest_wait_ns(self) -> int:
+        """Longest time for which it waits for edges, in ns."""
+        return 0 if self.edges is None else self.edges.longest_ns
 
     @property
     def n_points(self) -> int:
@@ -135,6 +173,7 @@ class PlayedRecord(NamedTuple):
     #: (k, outputs) outputs that the device measured beside; of shape (k, 0) if it does not measure
     #: them.
     outputs: FloatArray
+    edges: tuple[SeenEdge, ...] = ()  #: The edges of a play that waits for them.
 
 
 @runtime_checkable

@@ -10,6 +10,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from piezod.devices.player import EdgeWaits
+
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.uint8]
 """A bit for each line of pulses, the lowest for line 1."""
@@ -29,6 +31,9 @@ class ScanTable(NamedTuple):
     framed: int = 0  #: Line of pulses, as a bit, that pulses once, at the first point.
     frame_points: int = 0  #: Points for which that pulse is high.
     pause: int = 0  #: Point of a sweep at which the fast axis stands still: a scan may pause there.
+    #: Where the device waits for edges, counted from the first sweep; None for nowhere.
+    edges: EdgeWaits | None = None
+    tail: int = 0  #: Points behind the last sweep, at its last voltages, in which edges count.
 
     @property
     def sweeps(self) -> int:
@@ -48,21 +53,26 @@ class ScanTable(NamedTuple):
 
     @property
     def n_rows(self) -> int:
-        """Number of points of all sweeps."""
-        return self.sweeps * self.points
+        """Number of points of all sweeps and the tail."""
+        return self.sweeps * self.points + self.tail
 
     def rows(self, first: int, end: int) -> FloatArray:
         """Return the voltages of points, shape (end - first, axes), in V.
 
         Args:
-            first: Index of the first point of all sweeps.
+            first: Index of the first point of all sweeps; negative for the turn before them.
             end: Index behind the last one.
         """
         m, axes = self.blend.shape
+        if end > self.sweeps * m:  # the tail
+            last = self.sweeps * m
+            rows = self.rows(min(first, last - 1), last)
+            return np.concatenate((rows, np.repeat(rows[-1:], end - last, axis=0)))[first - end :]
         begin = first // m
-        k = np.arange(begin, -(-end // m))
-        after = np.minimum(k + 1, self.sweeps - 1)
-        lines = self.line_v.reshape(-1, m, axes)[k % (len(self.line_v) // m)]
+        of = np.arange(begin, -(-end // m))
+        k = np.maximum(of, 0)  # before the first sweep they are at its offset
+        after = np.where(of < 0, 0, np.minimum(k + 1, self.sweeps - 1))
+        lines = self.line_v.reshape(-1, m, axes)[of % (len(self.line_v) // m)]
         offset, scale = (
             value[k, None] + (value[after] - value[k])[:, None] * self.blend
             for value in (self.offset_v, self.scale)
@@ -70,13 +80,43 @@ class ScanTable(NamedTuple):
         rows = (offset + scale * lines).reshape(-1, axes)
         return np.asarray(rows[first - begin * m : end - begin * m])
 
+    @property
+    def run_up_points(self) -> int:
+        """Points of a run-up: one period of the line; 0 if the line does not move."""
+        return len(self.line_v) if np.any(np.ptp(self.line_v, axis=0)) else 0
+
+    def run_up(self, first: int) -> FloatArray:
+        """Return the period of the line that ends before a point, at its offset and scale.
+
+        It brings a stage that has waited there to the motion before the wait.
+        """
+        n = self.run_up_points
+        k, after = max(first // self.points, 0), min(first // self.points + 1, self.sweeps - 1)
+        blend = self.blend[first % self.points]
+        offset, scale = (
+            value[k] + (value[after] - value[k]) * blend for value in (self.offset_v, self.scale)
+        )
+        lines = self.line_v[np.arange(first - n, first) % len(self.line_v)]
+        return np.asarray(offset + scale * lines)
+
+    @property
+    def points_from_pause(self) -> int:
+        """Points between the pause before the first sweep and that sweep; 0 if no line moves."""
+        return self.points - self.pause if self.run_up_points else 0
+
+    def before_pause(self) -> FloatArray:
+        """Return what brings a stage to the pause before the first sweep, shape (n, axes), in V."""
+        rows = np.concatenate((self.lead_in_v, self.run_up(0)))
+        return rows[: len(rows) - self.points_from_pause]
+
     def masks(self, first: int, end: int) -> Mask:
         """Return the pulses at points, shape (end - first,); empty without pulses."""
         if not self.pulses.size:
             return self.pulses
         at = np.arange(first, end)
         masks = self.pulses[at % self.points]
-        masks[at < self.frame_points] |= np.uint8(self.framed)
+        masks[(at < 0) | (at >= self.sweeps * self.points)] = 0
+        masks[(at >= 0) & (at < self.frame_points)] |= np.uint8(self.framed)
         return masks
 
     def bounds_v(self) -> FloatArray:

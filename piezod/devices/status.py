@@ -88,6 +88,8 @@ Flags: TypeAlias = frozenset[DeviceFlag]
 
 NO_FLAGS: Final[Flags] = frozenset()
 """No problem."""
+SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
+"""An input at the end of its range."""
 
 
 @runtime_checkable

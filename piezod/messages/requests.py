@@ -253,6 +253,24 @@ class ScanCurve(ConfigModel):
     )
 
 
+class ScanEdges(ConfigModel):
+    """Where a scan waits for rising edges at the trigger input of its device."""
+
+    first: Annotated[int, Quantity(0, 20_000)] = Field(
+        description="Point before which it waits, the first of the first sweep is 0."
+    )
+    every: Annotated[int, Quantity(1, 20_000)] = Field(
+        default=1, description="Points from there to each further wait."
+    )
+    times: Annotated[int, Quantity(1, 20_000)] = Field(default=1, description="Number of waits.")
+    within_s: Annotated[float, Quantity(0.01, 3600, "s")] = Field(
+        description="Longest wait, s; the scan ends there without an edge."
+    )
+    tail: Annotated[int, Quantity(0, 40_000)] = Field(
+        default=0, description="Points behind the last sweep, in which edges are counted."
+    )
+
+
 class Scan(ConfigModel):
     """Let the device of some axes play a scan by its own clock, and record all axes.
 
@@ -278,6 +296,9 @@ class Scan(ConfigModel):
     pause: Annotated[int, Quantity(0, 20_000)] = Field(
         default=0,
         description="Point of a sweep at which the fast axis stands still: parts end there.",
+    )
+    edges: ScanEdges | None = Field(
+        default=None, description="Where it waits for edges; the device takes it as a whole then."
     )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:

@@ -183,7 +183,9 @@ def _dialect(lines: Sequence[str]) -> tuple[Dialect, list[list[str]], Shape]:
             shape = shape_of(rows, dialect.is_number)
             # As many numbers as possible, few other cells, and no more grouped ones than needed.
             other = "," if decimal == "." else "."
-            cells = [row[k] for row in rows if len(row) == shape.width for k in shape.numeric]
+            usual = ([row[k] for k in shape.numeric] for row in rows if len(row) == shape.width)
+            # Names and units above the numbers say nothing.
+            cells = [x for row in usual if any(map(dialect.is_number, row)) for x in row]
             others = sum(not dialect.is_number(cell) for cell in cells)
             grouped = sum(other in cell for cell in cells)
             score = (len(shape.numeric), -shape.words, -others, -grouped)

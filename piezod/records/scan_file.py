@@ -10,6 +10,7 @@
           <axis>_um      centres of the pixels
         pixels/          NXdata   @signal @axes=first_ns: the same at full precision, in time order
           row, column, position_<axis>_um, <input>, dwell_s, first_ns, last_ns
+        edges/           NXdata   of a scan that waits for edges: edge_ns, place, used
 
 The file is in HDF5's SWMR mode, and written to the disk after each sweep. It can be read while it
 is written, and after the writer was killed up to the last sweep.
@@ -58,6 +59,7 @@ class ScanHeader(NamedTuple):
     inputs: tuple[str, ...]  #: Names of the inputs beside.
     both_ways: bool  #: Whether each line is swept forward and backward.
     configuration: str = ""  #: Text of the description.
+    edges: bool = False  #: Whether it waits for edges.
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -136,6 +138,22 @@ class ScanFile:
         self._pictures = {name: picture[name] for name in (first, *further)}
         self._make_scales(picture, edges_um, rows, flat=flat)
         self._make_lists(entry, columns)
+        if header.edges:
+            edges = new_data(entry, "edges", "place", "edge_ns")
+            self._edges = {
+                name: growing_column(edges, name, np.int64, _LEAST_CHUNK, about=about)
+                for name, about in (
+                    ("edge_ns", "Time of the edge by the clock of the device, since its start."),
+                    (
+                        "place",
+                        "Edges used before it; in a stack the row of the present plane.",
+                    ),
+                    (
+                        "used",
+                        "1 if the scan waited for it, 0 if it moved nothing.",
+                    ),
+                )
+            }
 
     def _make_scales(
         self, picture: h5py.Group, edges_um: Sequence[FloatArray], rows: int, *, flat: bool
@@ -204,6 +222,11 @@ class ScanFile:
             self._file.flush()
         except RuntimeError as error:  # h5py raises this for some disk errors
             raise OSError(f"{self._file.filename}: {error}") from error
+
+    def add_edges(self, edge_ns: Sequence[int], place: Sequence[int], used: Sequence[bool]) -> None:
+        """Add edges: their time in ns, the row of the present plane, whether the scan used them."""
+        for name, values in (("edge_ns", edge_ns), ("place", place), ("used", used)):
+            grow(self._edges[name], np.array(values, np.int64))
 
     def close(self) -> None:
         """Close the file; a second call does nothing.

@@ -16,6 +16,15 @@ scan:
   slow: {axis: y, from_um: 3, to_um: 23, pixels: 32}
   lines_per_s: 10
 """
+STEPPED = """
+scan:
+  kind: stack
+  planes: {axis: z, from_um: 5, to_um: 10, pixels: 50}
+  plane_s: 0.005
+  move_s: 0.004
+  step: edge
+  start: edge
+"""
 EXAMPLE = Path(__file__).parents[2] / "examples" / "raster.yaml"
 
 
@@ -48,6 +57,8 @@ def test_a_scan_has_defaults(tmp_path: Path) -> None:
         ("10\n", "10\n  pulses: {pixel: 2, line: 2}\n", ("line 2 is that of pixel",)),
         ("10\n", "10\n  pulses: {pixel: 9}\n", ("allowed range 1 to 8",)),
         ("kind: raster", "kind: spiral", ("raster",)),
+        ("10\n", "10\n  start: edge\n  within_s: 0\n", ("0.01 to 3600 s",)),
+        (RASTER, STEPPED, ("scan.start", "the first plane waits for an edge")),
     ],
 )
 def test_mistakes_are_named(tmp_path: Path, old: str, new: str, words: tuple[str, ...]) -> None:

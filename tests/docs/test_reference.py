@@ -15,6 +15,8 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.control.faults.table import FAULTS
 from piezod.control.faults.unlisted import GAPS, NEVER_SHOWN
 from piezod.devices import registry
+from piezod.ioc.motor_fields import FIELDS
+from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS
 from piezod.messages.requests import TABLE
 from piezod.telemetry.descriptions import descriptions
 from tests.command_table import CONNECTION, usage_of_verbs
@@ -85,6 +87,15 @@ def test_all_faults_and_columns_are_described(pages: dict[str, str]) -> None:
     for name, text in descriptions().items():
         assert f"| `{name}` |" in pages["reference/recordings.md"]
         assert text[1:].rstrip(".") in pages["reference/recordings.md"]
+
+
+def test_all_epics_records_are_described(pages: dict[str, str]) -> None:
+    """The page has every record of an axis and of the stage, and every field of a motor record."""
+    page = pages["reference/epics.md"]
+    names = {record.name for record in (*AXIS_RECORDS, *STAGE_RECORDS)}
+    names |= {field.name for field in FIELDS}
+
+    assert [name for name in names if f"`{name}`" not in page] == []
 
 
 def test_upgrade_notes_have_what_users_must_change(pages: dict[str, str]) -> None:

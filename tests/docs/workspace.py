@@ -16,7 +16,7 @@ from tests.docs.blocks import ROOT, Block
 from tests.docs.command_server import CommandServer, serving
 
 SHIM: Final = ROOT / "tests" / "docs" / "shim.py"
-COPIED: Final = ("config", "docs/images")
+COPIED: Final = ("config", "docs/images", "examples")
 """What a clone has and the blocks use."""
 RECORDING: Final = re.compile(r"\bNAME\b")
 NEWEST: Final = "$(piezod record list | sed -n '1s/ .*//p')"

@@ -10,13 +10,15 @@ import pytest
 from piezod.devices.interface import Device, Wiring
 from piezod.devices.played_axis import PlayedAxis
 from piezod.devices.played_scan import PlayedScan
-from piezod.devices.player import PlayState
+from piezod.devices.player import EdgeWaits, PlayState
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import ChannelPair
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.emulation.labjack import LabJackServer
 from tests.drivers.modbus.play_bench import play_bench as labjack_bench
 from tests.drivers.play_bench import PlayBench
+from tests.drivers.serial_line.board_play_bench import needs_board
+from tests.drivers.serial_line.board_play_bench import play_bench as board_bench
 from tests.drivers.serial_line.pi_play_bench import play_bench as pi_bench
 
 PIXELS: Final = 16
@@ -49,7 +51,12 @@ T7: Final = Case(
 PI: Final = Case(
     lambda: pi_bench(2, trigger_outputs=3, wave_end="holds"), (("1", "1"), ("2", "2")), 60.0
 )
-CASES: Final = pytest.mark.parametrize("case", [T7, PI], ids=["t7", "pi"])
+BOARD: Final = Case(
+    lambda: board_bench(wiring=Wiring.both(("1", "2"))), (("1", "1"), ("2", "2")), 2.0
+)
+CASES: Final = pytest.mark.parametrize(
+    "case", [T7, PI, pytest.param(BOARD, marks=needs_board)], ids=["t7", "pi", "board"]
+)
 
 
 def snake(top: float, lines: int, interval_ns: int = 100_000, pixels: int = PIXELS) -> ScanTable:
@@ -140,6 +147,18 @@ def test_a_scan_in_parts_has_the_same_pulses(case: Case, monkeypatch: pytest.Mon
     assert len(position_um) == table.n_rows
 
 
+def test_a_part_begins_with_the_motion_before_it() -> None:
+    """Its run-up is the last period of the line, at the level that the slow axis has there."""
+    table = snake(T7.top, lines=6)
+    first = 3 * table.points + table.pause
+    run_up = table.run_up(first)
+    n = 2 * table.points
+
+    assert np.allclose(run_up[:, 0], table.rows(first - n, first)[:, 0])
+    assert np.allclose(run_up[:, 1], table.rows(first, first + 1)[0, 1])
+    assert table._replace(line_v=0.0 * table.line_v).run_up(first).size == 0
+
+
 @pytest.mark.stress
 @pytest.mark.timeout(1800)
 @CASES
@@ -177,7 +196,9 @@ def test_what_does_not_fit_is_refused_before_anything_is_sent(case: Case) -> Non
     table = snake(case.top, lines=4)
     high = table._replace(pulses=table.pulses | np.uint8(1 << 7))
     expected = "" if case is T7 else "pulses"
+    edges = EdgeWaits(0, 1, 1, 10**9)
 
+    assert case is BOARD or "not wait for edges" in scan.misfit(table._replace(edges=edges))
     assert "interval" in scan.misfit(table._replace(interval_ns=1_001))
     assert expected in scan.misfit(high)
     assert "longer interval" in scan.misfit(snake(case.top, lines=1, pixels=100_000))

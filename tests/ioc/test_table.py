@@ -5,12 +5,6 @@ from piezod.ioc.records import Names
 from piezod.ioc.server import names_of
 from piezod.ioc.table import AXIS_RECORDS, STAGE_RECORDS
 from piezod.messages.answers import AxisStatus
-from tests.ioc_tables import PAGE, page
-
-
-def test_page_has_every_record() -> None:
-    """The lists of the page are those of the declarations."""
-    assert PAGE.read_text(encoding="utf-8") == page()
 
 
 def test_descriptions_fit() -> None:

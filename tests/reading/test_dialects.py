@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from piezod.errors import DataError
@@ -49,6 +49,18 @@ UNIT_ROWS = ("", "s,V,um", "(s),(V),(µm)")
     quoted=st.booleans(),
     trailing=st.booleans(),
     order=st.permutations(range(3)),
+)
+@example(  # names with spaces do not make spaces the separator
+    sep="\t",
+    decimal=",",
+    encoding="utf-8",
+    preamble="",
+    header=HEADERS[1],
+    units="",
+    end="\n",
+    quoted=False,
+    trailing=False,
+    order=[0, 1, 2],
 )
 def test_any_dialect_gives_the_same_record(
     tmp_path_factory: pytest.TempPathFactory,

@@ -67,7 +67,11 @@ def set_up(index: Path, lock_file: Path) -> "subprocess.CompletedProcess[str]":
         check_whole {environment}
         {environment}/bin/python -m pip list --format freeze
     """
-    environ = {name: text for name, text in os.environ.items() if not name.startswith("PIP_")}
+    environ = {
+        name: text
+        for name, text in os.environ.items()
+        if not name.startswith(("PIP_", "PYTHONPATH"))
+    }
     return subprocess.run(
         ["/bin/sh", "-c", script],
         env=environ | {"PIP_INDEX_URL": index.as_uri(), "PIP_CONFIG_FILE": os.devnull},

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from docs.site.reference import changes, client, commands, faults, http, keys, recordings
+from docs.site.reference import changes, client, commands, epics, faults, http, keys, recordings
 
 REFERENCE: Final[Mapping[str, str]] = {
     "Keys of a stage": "reference/stage.md",
@@ -14,6 +14,7 @@ REFERENCE: Final[Mapping[str, str]] = {
     "HTTP": "reference/http.md",
     "Table of faults": "reference/faults.md",
     "Columns of a recording": "reference/recordings.md",
+    "EPICS records": "reference/epics.md",
 }
 """Titles and URIs of the pages, in their order."""
 UPGRADE: Final = "reference/upgrade.md"
@@ -26,6 +27,7 @@ _WRITERS: Final[Mapping[str, Callable[[], Iterable[str]]]] = {
     "reference/http.md": http.page,
     "reference/faults.md": faults.page,
     "reference/recordings.md": recordings.page,
+    "reference/epics.md": epics.page,
     UPGRADE: changes.page,
 }
 

@@ -1,7 +1,7 @@
 """The conversation with LabJack T4, T7 and T8: one request per cycle (function 0x4C)."""
 
 from collections.abc import Sequence
-from math import inf, isnan, nan
+from math import inf, nan
 from struct import Struct
 from typing import Final
 
@@ -9,7 +9,7 @@ from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.codec import FEEDBACK, ModbusRequest
 from piezod_drivers.modbus.layout import armed_watchdogs, profile_of
@@ -30,7 +30,6 @@ _NEAR_V: Final = 0.02
 """Largest distance from the safe voltage at which an output counts as safe; it covers the coarsest
 converter.
 """
-_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 
 
 class LabJackDialogue(BaseDialogue):
@@ -65,7 +64,7 @@ class LabJackDialogue(BaseDialogue):
         self._silence_ns = round(0.9e9 * wanted.timeout_s) if wanted else inf
         inputs = [_register(options.known, "input", name) for name in wiring.inputs]
         self._outputs = [_register(options.known, "output", name) for name in wiring.outputs]
-        self._n_inputs, self._n_outputs = n_inputs, n = len(inputs), len(self._outputs)
+        self._n_outputs = n = len(self._outputs)
         self._ranges = [(register.low, register.high) for register in self._outputs]
         self._input_ranges = [(register.low, register.high) for register in inputs]
         before = [register.address for register in self._outputs]
@@ -77,7 +76,7 @@ class LabJackDialogue(BaseDialogue):
         layout = f">{len(self._head)}s" + n * f"{_PART.size}sf" + f"{len(self._tail)}s"
         self._pack_request = Struct(layout).pack
         # The reply: function, outputs before and after, inputs, counter.
-        numbers = Struct(f">B{2 * n + n_inputs}fI")
+        numbers = Struct(f">B{2 * n + len(inputs)}fI")
         self._unpack, self._reply_bytes = numbers.unpack, numbers.size
         self._values: Sequence[float] = ()
         self._last_ns = self._counter = 0
@@ -205,19 +204,11 @@ class LabJackDialogue(BaseDialogue):
         self._counter, self._in_force = counter, numbers[1 + n : 1 + 2 * n]
         # The instant of the request, not of the reply: the watchdog's time runs from there.
         self._last_ns = asked_ns
-        self._values, self._flags = numbers[1 + 2 * n : -1], self._no_flags
-        for value, (low, high) in zip(self._values, self._input_ranges, strict=True):
-            if not low <= value <= high:
-                self._note_saturated()
-                break
-
-    def _note_saturated(self) -> None:
         self._values = [
             value if low <= value <= high else nan
-            for value, (low, high) in zip(self._values, self._input_ranges, strict=True)
+            for value, (low, high) in zip(numbers[1 + 2 * n : -1], self._input_ranges, strict=True)
         ]
-        inputs = [_SATURATED if isnan(value) else NO_FLAGS for value in self._values]
-        self._flags = [*inputs, *self._no_flags[self._n_inputs :]]
+        self._flag_saturated(self._values)
 
     def _note_change(self, before: Sequence[float], counter: int) -> None:
         """Note the cause if the outputs have changed since the last request."""

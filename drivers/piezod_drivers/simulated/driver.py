@@ -62,7 +62,7 @@ class SimulatedRig:
         self._inputs = [(self._axes.index(axis), quantity) for axis, quantity in inputs]
         self._channels: list[SimulatedAxis] = []
         self._driven: list[SimulatedAxis] = []
-        self._player, self._playing = TablePlayer([], 0, [], options.sub_step_ns), False
+        self._player, self._playing = TablePlayer([], 0, [], options), False
         self._coupling: RigCoupling | None = None
         self._origin_ns: int | None = None
         self._active = False
@@ -80,8 +80,8 @@ class SimulatedRig:
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
         self._channels = [make_axis(self._options, seed) for seed in seeds]
         self._driven = self._channels[: len(self._wiring.outputs)]
-        outputs, sub_step_ns = len(self._wiring.outputs), self._options.sub_step_ns
-        self._player = TablePlayer(self._channels, outputs, self._inputs, sub_step_ns)
+        outputs = len(self._wiring.outputs)
+        self._player = TablePlayer(self._channels, outputs, self._inputs, self._options)
         if self._options.coupling:
             self._coupling = RigCoupling(self._options.coupling, self._axes, self._inputs)
         self._origin_ns = None

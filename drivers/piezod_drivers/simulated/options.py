@@ -26,6 +26,7 @@ from piezod.plant.parameters import (
 )
 from piezod.plant.variants import VARIANTS
 from piezod_drivers.simulated.calibration import MIN_STEPS, check_sensor
+from piezod_drivers.simulated.camera import CameraOptions
 
 MIN_TRAVEL_UM = 0.01
 """Smallest travel of a stage, in µm."""
@@ -155,6 +156,10 @@ class SimulatedOptions(ConfigModel):
 
     coupling: dict[Name, dict[Name, Annotated[float, Quantity(-0.5, 0.5)]]] = Field(
         {}, description="axis: how far 1 µm of each other axis moves it, µm"
+    )
+
+    camera: CameraOptions | None = Field(
+        None, description="what pulses the trigger input; left out: nothing"
     )
 
     sub_step_us: Literal[10, 20, 50] = Field(

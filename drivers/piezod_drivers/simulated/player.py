@@ -16,6 +16,8 @@ from piezod.devices.player import (
 )
 from piezod.errors import DeviceError
 from piezod_drivers.simulated.axis import PHOTONS, FloatArray, SimulatedAxis
+from piezod_drivers.simulated.camera import TriggerInput
+from piezod_drivers.simulated.options import SimulatedOptions
 from piezod_drivers.simulated.pattern import counts_at
 
 POINTS: Final = 2_000_000
@@ -23,6 +25,7 @@ POINTS: Final = 2_000_000
 LONGEST_INTERVAL_NS: Final = 1_000_000_000
 CYCLES: Final = 1_000_000_000
 PULSE_LINES: Final = 8
+EDGE_WAITS: Final = 10_000
 
 
 class TablePlayer:
@@ -35,7 +38,7 @@ class TablePlayer:
         axes: All axes; those that are played first, in the order of a table's columns.
         outputs: Number of axes that are played.
         inputs: Index of the axis, and quantity, of each input.
-        sub_step_ns: Sub-step of the physics, in ns.
+        options: Options of the rig.
     """
 
     def __init__(
@@ -43,10 +46,10 @@ class TablePlayer:
         axes: Sequence[SimulatedAxis],
         outputs: int,
         inputs: Sequence[tuple[int, str]],
-        sub_step_ns: int,
+        options: SimulatedOptions,
     ) -> None:
         self._axes, self._driven, self._inputs = axes, axes[:outputs], inputs
-        self._sub_step_ns = sub_step_ns
+        self._sub_step_ns, self._trigger = options.sub_step_ns, TriggerInput(options.camera)
         self._ranges = [(axis.lowest_v, axis.highest_v) for axis in self._driven]
         self._state = PlayState.IDLE
         self.pulses = np.zeros(PULSE_LINES, np.int64)
@@ -58,7 +61,9 @@ class TablePlayer:
         self._table = Table(self._sub_step_ns, nothing, nothing, 1)
         self._period = self._next_period = nothing
         self._readings_v = self._truths_um = np.empty((0, len(self._axes)))
-        self._start_ns = self._point = self._points = 0
+        self._start_ns = self._point = self._points = self._gate = 0
+        # The points since the last wait: the first one, and its instant.
+        self._first, self._first_ns, self._waits = 0, 0, iter(range(0))
 
     @property
     def capabilities(self) -> PlayerCapabilities:
@@ -76,6 +81,7 @@ class TablePlayer:
             records_with_play=True,
             at_end=AtEnd.HOLDS,
             pulse_lines=PULSE_LINES,
+            edge_waits=EDGE_WAITS,
         )
 
     @property
@@ -112,7 +118,11 @@ class TablePlayer:
         self._require(PlayState.ARMED, "start")
         record = min(self._points, POINTS), len(self._axes)
         self._readings_v, self._truths_um = np.full(record, np.nan), np.full(record, np.nan)
-        self._start_ns = -(-t_ns // self._sub_step_ns) * self._sub_step_ns
+        self._start_ns = self._first_ns = self._on_grid(t_ns)
+        self._trigger.begin()
+        edges = self._table.edges
+        self._waits = iter(range(0) if edges is None else edges.places)
+        self._gate = next(self._waits, self._points)
         self._state = PlayState.PLAYING
         self.play_to(t_ns)
 
@@ -143,32 +153,57 @@ class TablePlayer:
     def recording(self) -> PlayedRecord:
         """Return the record of the play that has ended."""
         self._require(PlayState.ENDED, "read a record")
+        readings_v, truths_um = self._readings_v[: self._point], self._truths_um[: self._point]
         positions = [
-            counts_at(self._truths_um[:, : len(self._driven)])
+            counts_at(truths_um[:, : len(self._driven)])
             if quantity == PHOTONS
-            else self._axes[place].samples(self._readings_v[:, place], quantity)
+            else self._axes[place].samples(readings_v[:, place], quantity)
             for place, quantity in self._inputs
         ]
-        without = np.empty((len(self._readings_v), 0))
-        shape = (len(self._readings_v), len(self._inputs))
+        without = np.empty((len(readings_v), 0))
+        shape = (len(readings_v), len(self._inputs))
         columns = np.stack(positions, axis=1) if positions else np.empty(shape)
-        return PlayedRecord(self._table.interval_ns, columns, 0, without)
+        edges = tuple(self._trigger.seen) if self._table.edges else ()
+        return PlayedRecord(self._table.interval_ns, columns, 0, without, edges)
 
     def true_recording(self) -> FloatArray:
         """Return the true displacements of the play that has ended, in µm, shape (k, inputs)."""
         self._require(PlayState.ENDED, "read a record")
-        return self._truths_um[:, [place for place, _ in self._inputs]]
+        return self._truths_um[: self._point, [place for place, _ in self._inputs]]
 
     def play_to(self, t_ns: int) -> None:
         """Play all points up to an instant in the rig's time."""
-        if not self.plays:
-            return
-        interval_ns = self._table.interval_ns
-        due = (t_ns - self._start_ns) // interval_ns + 1 if t_ns >= self._start_ns else 0
-        while self._point < min(due, self._points):
-            self._play_rows(self._next_rows(min(due, self._points) - self._point))
-        if due > self._points:
+        while self.plays:
+            due = self._first + (t_ns - self._first_ns) // self._table.interval_ns + 1
+            while self._point < min(due, self._gate):
+                self._play_rows(self._next_rows(min(due, self._gate) - self._point))
+            if due <= self._gate or not self._passes_gate(t_ns):
+                return
+
+    def _passes_gate(self, t_ns: int) -> bool:
+        """Go on behind a wait, or end; return whether an edge has come by an instant."""
+        ready_ns = self._instant_of(self._gate)
+        self._trigger.pass_to(ready_ns - self._start_ns)
+        edges = self._table.edges
+        if edges is None or self._gate == self._points:
             self._state = PlayState.ENDED
+            return False
+        last_ns = ready_ns + edges.within_ns
+        edge_ns = self._trigger.edge_by(min(t_ns, last_ns) - self._start_ns)
+        if edge_ns is None:
+            if t_ns > last_ns:
+                self._state = PlayState.ENDED
+            return False
+        self._first, self._first_ns = self._gate, self._on_grid(self._start_ns + edge_ns)
+        self._gate = next(self._waits, self._points)
+        return True
+
+    def _instant_of(self, point: int) -> int:
+        """Return the instant of a point since the last wait, in the rig's time."""
+        return self._first_ns + (point - self._first) * self._table.interval_ns
+
+    def _on_grid(self, t_ns: int) -> int:
+        return -(-t_ns // self._sub_step_ns) * self._sub_step_ns
 
     def _next_rows(self, most: int) -> FloatArray:
         """Return the next rows of the table: at most this number, and of one cycle only."""
@@ -192,7 +227,7 @@ class TablePlayer:
                 commands_v = np.full(len(rows), axis.plant.command_v)
             readings_v, truths_um = np.empty(len(rows)), np.empty(len(rows))
             # Calls between two points may have left the plant anywhere before the first point.
-            axis.plant.advance_to(self._start_ns + first * interval_ns)
+            axis.plant.advance_to(self._instant_of(first))
             readings_v[0], truths_um[0] = axis.plant.sample(), axis.plant.true_displacement_um
             axis.plant.command(float(commands_v[0]))
             steps = interval_ns // self._sub_step_ns

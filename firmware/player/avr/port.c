@@ -19,13 +19,24 @@
 #define MODE_DAC (_BV(SPE) | _BV(MSTR) | _BV(CPHA)) /* at the falling edge */
 #define DAC_SET 0x18       /* commands of the DAC: set a channel, which is added */
 #define DAC_REFERENCE 0x38 /* switch on the internal reference */
-#define SYNC 140           /* cycles from the compare match to the point: longer than any other interrupt takes */
+#define LEAD 120           /* cycles from an edge to the compare match of the point that follows it */
+/* Cycles from the compare match to the point: longer than other interrupts take that may come before it. */
+#define SYNC (GPIOR0 & TOLD ? 240 : 140)
+#define STEP _BV(0)        /* of GPIOR0: an edge is a point */
+#define WAITS _BV(1)       /* an edge starts the clock */
+#define TOLD _BV(2)        /* an edge is told to the core */
+#define EDGES 16           /* a power of 2 */
 #define RING 64            /* bytes from the host, a power of 2 */
 
 static volatile uint8_t ring[RING], head, tail;
 static volatile bool lost;
 static volatile uint8_t milliseconds;
-static enum clock clock_in_use;
+static volatile uint16_t overflows; /* of timer 3, which counts 4 us */
+static struct {
+    uint16_t low, high; /* time, in 4 us */
+    bool used;
+} edges[EDGES]; /* that are not told yet */
+static volatile uint8_t edge_head, edge_tail;
 
 static inline uint8_t spi(uint8_t byte)
 {
@@ -97,34 +108,61 @@ void port_store_name(const char *name)
 
 static void run_timer(uint16_t from)
 {
-    TCNT1 = from;
+    TCCR1B = _BV(WGM12) | _BV(CS10);
+    TCNT1 = from; /* after the start: simavr does not take it before */
     TIFR1 = _BV(OCF1A);
     TIMSK1 = _BV(OCIE1A);
-    TCCR1B = _BV(WGM12) | _BV(CS10);
 }
 
 void port_clock_start(enum clock clock, uint32_t interval)
 {
-    clock_in_use = clock;
     OCR1A = (uint16_t)(interval - 1);
     if (clock == CLOCK_NOW) {
         run_timer(0);
-    } else {
-        EIFR = _BV(INTF0);
-        EIMSK = _BV(INT0);
+        return;
     }
+    if (!(GPIOR0 & TOLD))
+        EIFR = _BV(INTF0);
+    GPIOR0 |= clock == CLOCK_STEP_ON_EDGE ? STEP : WAITS;
+    EIMSK = _BV(INT0);
 }
 
 void port_clock_stop(void)
 {
     TCCR1B = 0;
     TIMSK1 = 0;
-    EIMSK = 0;
+    GPIOR0 &= TOLD;
+    if (!GPIOR0)
+        EIMSK = 0;
+}
+
+void port_tell_edges(bool told)
+{
+    GPIOR0 = told ? TOLD : 0;
+    edge_tail = edge_head;
+    if (told) {
+        EIFR = _BV(INTF0);
+        EIMSK = _BV(INT0);
+    }
+}
+
+/* Returns the part of the time that timer 3 has not, at one of its counts: it may just have gone through 0. */
+static inline uint16_t high_at(uint16_t low)
+{
+    return overflows + (TIFR3 & _BV(TOV3) && !(low & 0x8000));
+}
+
+uint32_t port_us(void)
+{
+    cli();
+    uint16_t low = TCNT3, high = high_at(low);
+    sei();
+    return ((uint32_t)high << 16 | low) << 2;
 }
 
 bool port_tick_is_due(void)
 {
-    return clock_in_use == CLOCK_STEP_ON_EDGE ? EIFR & _BV(INTF0) : TIFR1 & _BV(OCF1A);
+    return GPIOR0 & STEP ? EIFR & _BV(INTF0) : TIFR1 & _BV(OCF1A);
 }
 
 /* Waits for as many cycles as given, and some more that are always the same. */
@@ -146,14 +184,42 @@ ISR(TIMER1_COMPA_vect)
     player_tick(since >= SYNC);
 }
 
-ISR(INT0_vect)
+/* Two interrupts in place of one: what only notes an edge must not save the registers that a point needs. */
+ISR(INT0_vect, ISR_NAKED)
 {
-    if (clock_in_use == CLOCK_STEP_ON_EDGE) {
-        player_tick(false);
-    } else {
-        EIMSK = 0;
-        run_timer(OCR1A - 20); /* the first point follows at once */
+    __asm__ volatile("sbic %0, 0\n\trjmp __vector_step\n\trjmp __vector_edge" : : "I"(_SFR_IO_ADDR(GPIOR0)));
+}
+
+void __vector_step(void) __attribute__((signal, used));
+void __vector_step(void)
+{
+    player_tick(false);
+}
+
+void __vector_edge(void) __attribute__((signal, used));
+void __vector_edge(void)
+{
+    bool used = GPIOR0 & WAITS;
+    if (used) {
+        GPIOR0 &= (uint8_t)~WAITS;
+        run_timer(OCR1A - LEAD); /* the point follows at once */
     }
+    if (!(GPIOR0 & TOLD)) {
+        EIMSK = 0;
+        return;
+    }
+    uint8_t at = edge_head, free = (edge_tail - at - 1) & (EDGES - 1);
+    if (free > !used) { /* the last place is for one that is used */
+        edges[at].low = TCNT3;
+        edges[at].high = high_at(edges[at].low);
+        edges[at].used = used;
+        edge_head = (at + 1) & (EDGES - 1);
+    }
+}
+
+ISR(TIMER3_OVF_vect)
+{
+    overflows++;
 }
 
 ISR(TIMER0_COMPA_vect)
@@ -188,7 +254,7 @@ static void start(void)
     player_start();
     SPCR = MODE_DAC;
     dac(DAC_REFERENCE, 1);
-    DDRC = LINE_POINT | LINE_LINE | LINE_FRAME;
+    DDRC = LINE_POINT | LINE_LINE | LINE_FRAME | LINE_PLAY;
     PORTD = _BV(2) | _BV(0); /* pull-ups */
     EICRA = _BV(ISC01) | _BV(ISC00);
     UBRR0 = 1;
@@ -197,6 +263,8 @@ static void start(void)
     TCCR0B = _BV(CS01) | _BV(CS00);
     OCR0A = 249;
     TIMSK0 = _BV(OCIE0A);
+    TCCR3B = _BV(CS31) | _BV(CS30);
+    TIMSK3 = _BV(TOIE3);
     wdt_enable(WDTO_250MS); /* a main loop that hangs, or has no time left beside the points, ends in a reset */
     set_sleep_mode(SLEEP_MODE_IDLE);
     sei();
@@ -205,7 +273,7 @@ static void start(void)
 static void sleep_until_interrupt(uint8_t known_ms)
 {
     cli();
-    if (head == tail && milliseconds == known_ms) {
+    if (head == tail && edge_head == edge_tail && milliseconds == known_ms) {
         sleep_enable();
         sei(); /* takes effect behind the next instruction: no interrupt is missed in between */
         sleep_cpu();
@@ -228,6 +296,11 @@ int main(void)
         if (lost) {
             lost = false;
             player_overrun();
+        }
+        while (edge_head != edge_tail) {
+            uint8_t at = edge_tail;
+            player_edge(((uint32_t)edges[at].high << 16 | edges[at].low) << 2, edges[at].used);
+            edge_tail = (at + 1) & (EDGES - 1);
         }
         while (known_ms != milliseconds) {
             known_ms++;

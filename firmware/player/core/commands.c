@@ -41,6 +41,7 @@ static const char *identify(const char *at)
     say("lowest", PLAYER_LOWEST);
     say("highest", PLAYER_HIGHEST);
     say("safe", PLAYER_SAFE);
+    say("edges", PORT_EDGES);
     return 0;
 }
 
@@ -182,7 +183,8 @@ static const char *prepare(const char *at)
         return BUSY;
     if (plan.interval < PORT_SHORTEST || plan.interval > PORT_LONGEST || !plan.cycles)
         return RANGE;
-    if (!plan.period || plan.lead > PORT_MEMORY_ROWS || plan.period > PORT_MEMORY_ROWS - plan.lead)
+    if (!plan.period || plan.lead > PORT_MEMORY_ROWS || plan.period > PORT_MEMORY_ROWS - plan.lead ||
+        play_edge_rows() > PORT_MEMORY_ROWS - plan.lead - plan.period)
         return MEMORY;
     if (play_crc(plan.lead + plan.period) != crc)
         return "table";
@@ -195,13 +197,55 @@ static const char *prepare(const char *at)
 
 static const char *set_lines(const char *at)
 {
-    uint16_t point, line;
-    if (!text_count(&at, &point) || !text_count(&at, &line) || !text_ends(at))
+    struct play_lines lines = {.active = PLAY_WHOLE, .frame = PLAY_WHOLE};
+    if (!text_count(&at, &lines.point) || !text_count(&at, &lines.line))
+        return SYNTAX;
+    lines.length = lines.line;
+    if (!text_ends(at) && (!text_count(&at, &lines.length) || !text_count(&at, &lines.active) ||
+                           !text_count(&at, &lines.skip) || !text_count(&at, &lines.frame) || !text_ends(at)))
         return SYNTAX;
     if (player_state() == PLAYER_PLAYING)
         return BUSY;
-    play_set_lines(point, line);
+    play_set_lines(&lines);
     say_status();
+    return 0;
+}
+
+static const char *set_waits(const char *at)
+{
+    struct play_waits waits;
+    if (!text_count(&at, &waits.first) || !text_count(&at, &waits.every) || !text_count(&at, &waits.count) ||
+        !text_ends(at))
+        return SYNTAX;
+    if (player_state() == PLAYER_PLAYING)
+        return BUSY;
+    if (!waits.every || (waits.count && !PORT_EDGES))
+        return RANGE;
+    if (waits.count > PORT_MEMORY_ROWS / 2)
+        return MEMORY;
+    play_set_waits(&waits);
+    say_status();
+    return 0;
+}
+
+static const char *tell_edge(const char *at)
+{
+    struct play_edges edges = play_edges();
+    uint16_t wanted;
+    bool used, one = !text_ends(at);
+    if (one && (!text_count(&at, &wanted) || !text_ends(at)))
+        return SYNTAX;
+    if (one && wanted >= edges.stored)
+        return MEMORY;
+    reply_char('K');
+    if (one) {
+        reply_number(play_edge(wanted, &used));
+        reply_number(used);
+    } else {
+        reply_number(edges.seen);
+        reply_number(edges.stored);
+        reply_number(edges.waiting);
+    }
     return 0;
 }
 
@@ -218,6 +262,8 @@ static const char *go(const char *at)
         return player_state() == PLAYER_OFF ? OFF : BUSY;
     if (!play_is_prepared())
         return "table";
+    if (clock == CLOCK_STEP_ON_EDGE && play_edge_rows())
+        return RANGE; /* each point waits already */
     player_go(clock);
     say_status();
     return 0;
@@ -261,7 +307,7 @@ const char *command_run(const char *request)
     } commands[] = {
         {"V", set}, {"?", status}, {"I", identify}, {"ON", turn_on}, {"OFF", turn_off}, {"W", watch},
         {"T", write_table}, {"P", prepare}, {"L", set_lines}, {"G", go}, {"A", hold}, {"R", read_record},
-        {"N", store_name},
+        {"N", store_name}, {"E", set_waits}, {"K", tell_edge},
     };
     asked.rows = 0;
     for (uint8_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {

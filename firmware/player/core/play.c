@@ -9,7 +9,11 @@
 static uint16_t memory[PORT_MEMORY_ROWS * CH] PORT_NOINIT; /* the table, and behind it the record */
 static struct play_plan plan;
 static bool prepared;
-static uint16_t point_every, line_every;
+static struct play_lines pulsed = {.active = PLAY_WHOLE, .frame = PLAY_WHOLE};
+static struct play_waits waits;
+
+#define SPARE 16 /* edges that come too often, and are stored */
+#define EDGE_WORDS 2
 
 /* Only a tick changes these while a play goes on; it has worked out the next point beforehand, so that the output
  * changes a fixed time after the edge of the clock. */
@@ -22,11 +26,23 @@ static struct {
     bool in_lead, last;     /* last: the point that comes next is the last one */
     uint32_t until_record;  /* points */
     uint16_t *free;         /* where the next sample goes */
-    uint16_t until_point, until_line; /* rows */
+    uint16_t until_point, until_line, of_line, of_frame; /* rows; of_: that are left in which it may pulse */
+    bool framed;            /* whether a line has begun, with which the frame begins */
     uint8_t lines;          /* of the point that comes next */
+    uint32_t until_wait;    /* rows of the period */
+    uint16_t waits_left;
+    bool gate;              /* whether an edge has to come before the point that comes next */
+    volatile uint16_t waits; /* so far */
     uint16_t out[CH]; /* of the point that comes next */
     uint16_t driven[CH], in[CH]; /* of the last point */
 } now;
+
+/* The main loop changes these while a play goes on. */
+static struct {
+    uint32_t began;      /* us */
+    uint16_t seen, used, stored;
+    uint16_t *last;      /* stored one; they grow down from the end of the memory */
+} edges;
 
 void play_store(uint16_t at, uint8_t byte)
 {
@@ -59,7 +75,7 @@ uint16_t play_outside(uint16_t rows)
 void play_prepare(const struct play_plan *wanted)
 {
     plan = *wanted;
-    plan.room = (uint16_t)(PORT_MEMORY_ROWS - plan.lead - plan.period);
+    plan.room = (uint16_t)(PORT_MEMORY_ROWS - plan.lead - plan.period - play_edge_rows());
     prepared = true;
 }
 
@@ -68,29 +84,103 @@ bool play_is_prepared(void)
     return prepared;
 }
 
-void play_set_lines(uint16_t point, uint16_t line)
+void play_set_lines(const struct play_lines *lines)
 {
-    point_every = point;
-    line_every = line;
+    pulsed = *lines;
+}
+
+/* Returns the lines of a row of the period. */
+static uint8_t row_lines(void)
+{
+    uint8_t lines = 0;
+    if (--now.until_line == 0) {
+        if (pulsed.line)
+            lines |= LINE_LINE;
+        now.until_line = pulsed.length;
+        now.framed = true;
+        now.until_point = 1;
+        now.of_line = pulsed.active;
+    }
+    if (now.of_line) {
+        now.of_line--;
+        if (pulsed.point && --now.until_point == 0) {
+            lines |= LINE_POINT;
+            now.until_point = pulsed.point;
+        }
+    }
+    if (now.framed && now.of_frame) {
+        now.of_frame--;
+        lines |= LINE_FRAME;
+    }
+    return lines;
+}
+
+void play_set_waits(const struct play_waits *wanted)
+{
+    waits = *wanted;
+    prepared = false;
+}
+
+uint16_t play_edge_rows(void)
+{
+    return waits.count ? (uint16_t)(((uint32_t)(waits.count + SPARE) * EDGE_WORDS + CH - 1) / CH) : 0;
+}
+
+struct play_edges play_edges(void)
+{
+    struct play_edges found = {.seen = edges.seen, .stored = edges.stored};
+    port_lock();
+    found.waiting = now.going && now.waits != edges.used;
+    port_unlock();
+    return found;
+}
+
+/* An edge is stored as its time, whose lowest bit tells whether it was used. */
+uint32_t play_edge(uint16_t at, bool *used)
+{
+    const uint16_t *words = &memory[PORT_MEMORY_ROWS * CH - (at + 1) * EDGE_WORDS];
+    *used = words[0] & 1u;
+    return (uint32_t)words[1] << 16 | (words[0] & 0xFFFEu);
+}
+
+void player_edge(uint32_t us, bool used)
+{
+    if (!now.going)
+        return;
+    edges.seen++;
+    edges.used += used;
+    if (!used && edges.stored - edges.used == SPARE)
+        return;
+    us -= edges.began;
+    edges.last -= EDGE_WORDS;
+    edges.last[0] = (uint16_t)((us & 0xFFFEu) | used);
+    edges.last[1] = (uint16_t)(us >> 16);
+    edges.stored++;
+}
+
+/* Holds the outputs until an edge comes, which the point of the gate follows at once. */
+static void wait_for_edge(void)
+{
+    now.gate = false;
+    now.waits++;
+    port_clock_start(CLOCK_START_ON_EDGE, plan.interval);
 }
 
 static void begin_row(void)
 {
     for (uint8_t i = 0; i < CH; i++)
         now.out[i] = now.row[i];
-    now.lines = LINE_FRAME;
+    now.lines = pulsed.frame == PLAY_WHOLE ? LINE_PLAY | LINE_FRAME : LINE_PLAY;
     now.last = false;
     if (now.in_lead)
         return;
-    if (point_every && --now.until_point == 0) {
-        now.lines |= LINE_POINT;
-        now.until_point = point_every;
-    }
-    if (line_every && --now.until_line == 0) {
-        now.lines |= LINE_LINE;
-        now.until_line = line_every;
-    }
+    now.lines |= row_lines();
     now.last = now.rows_left == 1 && now.cycle + 1 == plan.cycles;
+    if (now.waits_left && --now.until_wait == 0) {
+        now.gate = true;
+        now.waits_left--;
+        now.until_wait = waits.every;
+    }
 }
 
 static void begin_period(void)
@@ -98,7 +188,8 @@ static void begin_period(void)
     now.in_lead = false;
     now.row = &memory[plan.lead * CH];
     now.rows_left = plan.period;
-    now.until_point = now.until_line = 1;
+    now.until_line = pulsed.skip + 1;
+    now.of_line = 0;
     begin_row();
 }
 
@@ -130,6 +221,11 @@ void player_tick(bool late)
 {
     if (!now.going)
         return;
+    if (now.gate) {
+        port_clock_stop();
+        wait_for_edge();
+        return;
+    }
     port_lines(now.lines);
     port_exchange(now.out, now.in);
     for (uint8_t i = 0; i < CH; i++)
@@ -137,12 +233,10 @@ void player_tick(bool late)
     keep();
     if (now.last) {
         now.cycle++;
-        now.going = false;
-        port_clock_stop();
-        port_lines(0);
+        play_stop();
         return;
     }
-    port_lines(now.lines & LINE_FRAME);
+    port_lines(now.lines & (LINE_PLAY | LINE_FRAME));
     advance();
     if (late || port_tick_is_due())
         now.late = true;
@@ -156,8 +250,16 @@ void play_start(enum clock clock, const uint16_t *out, const uint16_t *in)
     }
     now.cycle = 0;
     now.kept = 0;
-    now.late = now.last = false;
+    now.late = now.last = now.gate = false;
+    now.waits_left = waits.count;
+    now.until_wait = waits.first + 1u;
+    now.waits = 0;
+    edges.seen = edges.used = edges.stored = 0;
+    edges.last = &memory[PORT_MEMORY_ROWS * CH];
+    edges.began = port_us();
     now.until_record = plan.first;
+    now.of_frame = pulsed.frame == PLAY_WHOLE ? 0 : pulsed.frame;
+    now.framed = false;
     now.lines = 0;
     now.free = &memory[(plan.lead + plan.period) * CH];
     now.row = memory;
@@ -169,6 +271,12 @@ void play_start(enum clock clock, const uint16_t *out, const uint16_t *in)
         begin_period();
     }
     now.going = true;
+    port_tell_edges(waits.count > 0);
+    if (now.gate) {
+        wait_for_edge();
+        return;
+    }
+    now.waits = clock == CLOCK_START_ON_EDGE;
     port_clock_start(clock, plan.interval);
 }
 
@@ -179,6 +287,7 @@ bool play_is_going(void)
 
 void play_stop(void)
 {
+    port_tell_edges(false);
     port_clock_stop();
     now.going = false;
     port_lines(0);

@@ -5,7 +5,7 @@
 
 #include "port.h"
 
-#define PLAYER_VERSION "1.0"
+#define PLAYER_VERSION "1.1"
 #define PLAYER_PROTOCOL 1
 
 enum player_state { PLAYER_OFF, PLAYER_ON, PLAYER_PLAYING };
@@ -20,6 +20,10 @@ void player_start(void);
 
 /* One point. Call it at each tick of the clock or edge; `late` if this one did not come in time. */
 void player_tick(bool late);
+
+/* An edge at the trigger input, by the time of port_us; `used` if it has started the clock. Call it soon after each
+ * one while port_tell_edges asks for them, not in an interrupt that a tick may interrupt. */
+void player_edge(uint32_t us, bool used);
 
 /* Call it once per millisecond, not in an interrupt that a tick may interrupt. */
 void player_millisecond(void);

@@ -14,6 +14,9 @@
 #ifndef PORT_NOINIT
 #define PORT_NOINIT /* on a memory that need not be cleared at the start, which would delay the safe value */
 #endif
+#ifndef PORT_EDGES
+#define PORT_EDGES 0 /* 1: a play can wait for edges: the port has the two functions below */
+#endif
 #ifndef PLAYER_SAFE
 #define PLAYER_SAFE 0 /* count of an output that is safe: after a reset, and when the host is gone */
 #endif
@@ -39,8 +42,8 @@ static inline bool port_allows(uint16_t count)
     return true;
 }
 
-/* Lines in step with a play, as bits. */
-enum line { LINE_POINT = 1, LINE_LINE = 2, LINE_FRAME = 4 };
+/* Lines in step with a play, as bits; LINE_PLAY is high from its first point to its end. */
+enum line { LINE_POINT = 1, LINE_LINE = 2, LINE_FRAME = 4, LINE_PLAY = 8 };
 
 /* What gives the time of the points. */
 enum clock { CLOCK_NOW, CLOCK_START_ON_EDGE, CLOCK_STEP_ON_EDGE };
@@ -51,6 +54,24 @@ void port_exchange(const uint16_t *out, uint16_t *in);
 /* Calls player_tick for each point, until port_clock_stop. */
 void port_clock_start(enum clock clock, uint32_t interval);
 void port_clock_stop(void);
+
+#if PORT_EDGES
+/* Whether each edge is told to player_edge. While it is, the pin is watched also beside CLOCK_START_ON_EDGE. */
+void port_tell_edges(bool told);
+
+/* Time in us; it goes through 0 after 2^32 - 1. */
+uint32_t port_us(void);
+#else
+static inline void port_tell_edges(bool told)
+{
+    (void)told;
+}
+
+static inline uint32_t port_us(void)
+{
+    return 0;
+}
+#endif
 
 /* Whether the next point is due already. */
 bool port_tick_is_due(void);

@@ -23,7 +23,7 @@ typedef unsigned (*sense_t)(int channel, uint64_t cycle);
 /* What the converters and the lines have seen. The instants of a play are those at which an output changes. */
 struct seen {
     uint64_t points, lines, frames, bad_frames, sets;
-    uint64_t shortest, longest; /* cycles between two updates of the output within a frame */
+    uint64_t shortest, longest; /* cycles between two updates of the output within a play */
 };
 
 struct board {
@@ -35,10 +35,12 @@ struct board {
     uint16_t sample[2];
     int reads;              /* channel whose sample is shifted out */
     uint8_t spi_out, spi_in;
-    uint8_t framed;
+    uint8_t plays;
     uint64_t last_set;
     uint64_t next_byte;     /* cycle at which the next byte from the host is complete */
     int may_send;           /* the receiver has room */
+    uint64_t edge_every;
+    unsigned edges_left;
     uint8_t in[RING], out[RING];
     unsigned in_head, in_tail, out_n;
     char firmware[4096], name[9];
@@ -81,7 +83,7 @@ static void note_set(struct board *b)
 {
     uint64_t cycle = b->avr->cycle;
     b->seen.sets++;
-    if (b->framed) {
+    if (b->plays) {
         if (b->last_set) {
             uint64_t since = cycle - b->last_set;
             if (since < b->seen.shortest)
@@ -148,7 +150,13 @@ static void on_frame(struct avr_irq_t *irq, uint32_t value, void *param)
     struct board *b = param;
     (void)irq;
     b->seen.frames += value;
-    b->framed = (uint8_t)value;
+}
+
+static void on_play(struct avr_irq_t *irq, uint32_t value, void *param)
+{
+    struct board *b = param;
+    (void)irq;
+    b->plays = (uint8_t)value;
     b->last_set = 0;
 }
 
@@ -210,6 +218,7 @@ static void connect_wires(struct board *b)
     listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 0, on_point);
     listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 1, on_line);
     listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 2, on_frame);
+    listen(b, AVR_IOCTL_IOPORT_GETIRQ('C'), 3, on_play);
     b->avr->io[AVR_DATA_TO_IO(SPDR)].w.c = spi_write;
     b->avr->io[AVR_DATA_TO_IO(SPDR)].w.param = b;
     b->avr->io[AVR_DATA_TO_IO(SPDR)].r.c = spi_read;
@@ -259,7 +268,7 @@ void board_free(struct board *b)
 void board_reset(struct board *b)
 {
     avr_reset(b->avr);
-    b->framed = 0;
+    b->plays = 0;
 }
 
 /* Puts bytes on the line to the board; those beyond its buffer are lost, as on a line without flow control. */
@@ -287,6 +296,22 @@ void board_edge(struct board *b)
     avr_raise_irq(pin, 1);
 }
 
+static avr_cycle_count_t on_camera(avr_t *avr, avr_cycle_count_t when, void *param)
+{
+    struct board *b = param;
+    (void)avr;
+    board_edge(b);
+    return --b->edges_left ? when + b->edge_every : 0;
+}
+
+/* A camera at the trigger input: at least one edge, every so many cycles, the first one at a cycle to come. */
+void board_camera(struct board *b, uint64_t first, uint64_t every, unsigned edges)
+{
+    b->edge_every = every;
+    b->edges_left = edges;
+    avr_cycle_timer_register(b->avr, first - b->avr->cycle, on_camera, b);
+}
+
 uint64_t board_cycle(struct board *b)
 {
     return b->avr->cycle;
@@ -294,7 +319,7 @@ uint64_t board_cycle(struct board *b)
 
 int board_plays(struct board *b)
 {
-    return b->framed;
+    return b->plays;
 }
 
 struct seen board_seen(struct board *b)

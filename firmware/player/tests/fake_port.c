@@ -27,6 +27,16 @@ void port_clock_start(enum clock clock, uint32_t interval)
     fake.interval = interval;
 }
 
+void port_tell_edges(bool told)
+{
+    fake.edges_told = told;
+}
+
+uint32_t port_us(void)
+{
+    return fake.us;
+}
+
 void port_clock_stop(void)
 {
     fake.clock_runs = false;

@@ -8,7 +8,8 @@
 struct fake {
     uint16_t out[PORT_CHANNELS], in[PORT_CHANNELS];
     unsigned exchanges;
-    bool clock_runs, tick_is_due;
+    bool clock_runs, tick_is_due, edges_told;
+    uint32_t us;
     enum clock clock;
     uint32_t interval;
     unsigned points, lines, frames; /* rising edges of the three lines */

@@ -122,6 +122,25 @@ static void a_play_gives_each_row_in_order_and_records_beside(void)
     assert((uint8_t)fake.sent[7] == 101 && (uint8_t)fake.sent[11] == (1001 & 255));
 }
 
+static void lines_pulse_where_they_are_asked_to(void)
+{
+    ask("ON");
+    prepare(2, 9, 2, 0);
+    /* Lines at rows 2 and 6 of 9, points at the first and third row of the first 3 of each line. */
+    expect("L 2 1 4 3 2 5", "S on - 100 100 101 101 0 0\n");
+    ask("G");
+    while (fake.clock_runs)
+        player_tick(false);
+    assert(fake.points == 8 && fake.lines == 4 && fake.frames == 1 && fake.levels == 0);
+    prepare(2, 9, 2, 0);
+    ask("L 0 0 0 0 0 0");
+    ask("G");
+    while (fake.clock_runs)
+        player_tick(false);
+    assert(fake.points == 8 && fake.lines == 4 && fake.frames == 1);
+    expect("L 1 2 3", "E syntax\n");
+}
+
 static void a_record_begins_where_it_is_asked_to(void)
 {
     ask("ON");
@@ -183,6 +202,83 @@ static void an_edge_starts_or_steps(void)
     expect("A", "S on - 100 100 101 101 0 0\n");
     ask("G step");
     assert(fake.clock == CLOCK_STEP_ON_EDGE);
+}
+
+static void edge_at(uint32_t us)
+{
+    assert(fake.edges_told);
+    player_edge(us, fake.clock == CLOCK_START_ON_EDGE);
+    fake.clock = CLOCK_NOW;
+}
+
+static void a_play_waits_for_edges_and_counts_those_that_come_too_early(void)
+{
+    ask("ON");
+    expect("E 2 4 2", "S on - 100 100 101 101 0 0\n");
+    prepare(0, 10, 1, 0);
+    fake.us = 1000;
+    ask("G");
+    tick(2);
+    assert(fake.clock == CLOCK_NOW);
+    edge_at(1010); /* too early: the interval of the second point is not over */
+    tick(1);
+    assert(fake.clock == CLOCK_START_ON_EDGE && fake.out[0] == 1020);
+    expect("K", "K 1 1 1\n");
+    edge_at(5000);
+    tick(4);
+    assert(fake.out[0] == 1100);
+    expect("K", "K 2 2 0\n");
+    tick(1);
+    assert(fake.out[0] == 1100);
+    expect("K", "K 2 2 1\n");
+    edge_at(70002);
+    tick(4);
+    expect("?", "S on - 1180 1190 1181 1191 1 10\n");
+    assert(!fake.edges_told);
+    expect("K 0", "K 10 0\n");
+    expect("K 1", "K 4000 1\n");
+    expect("K 2", "K 69002 1\n");
+    expect("K 3", "E memory\n");
+    expect("E 0 0 1", "E range\n");
+}
+
+static void an_edge_starts_the_first_row(void)
+{
+    ask("ON");
+    ask("E 0 1 1");
+    prepare(0, 10, 2, 0);
+    ask("G");
+    assert(fake.clock == CLOCK_START_ON_EDGE);
+    expect("K", "K 0 0 1\n");
+    ask("A");
+    expect("G step", "E range\n");
+    ask("G start");
+    expect("K", "K 0 0 1\n");
+    edge_at(500);
+    expect("K", "K 1 1 0\n");
+    tick(20);
+    expect("?", "S on - 1180 1190 1181 1191 2 20\n");
+}
+
+static void edges_that_come_too_often_take_no_room_from_others(void)
+{
+    ask("ON");
+    ask("E 2 2 3");
+    prepare(0, 10, 1, 0);
+    ask("G");
+    for (unsigned i = 0; i < 100; i++)
+        edge_at(10 * i);
+    tick(3);
+    edge_at(2000);
+    tick(3);
+    edge_at(3000);
+    expect("K", "K 102 18 0\n");
+    tick(3);
+    edge_at(4000);
+    tick(4);
+    expect("K", "K 103 19 0\n");
+    expect("K 18", "K 4000 1\n");
+    expect("?", "S on - 1180 1190 1181 1191 1 10\n");
 }
 
 static void a_table_that_differs_is_not_played(void)
@@ -352,8 +448,11 @@ int main(void)
         crc_is_that_of_the_catalogue, outputs_are_safe_from_the_start, a_set_point_is_in_force_and_sampled,
         requests_that_make_no_sense_change_nothing, a_long_line_is_refused_as_a_whole,
         checksums_are_asked_for_once_they_were_seen, a_play_gives_each_row_in_order_and_records_beside,
+        lines_pulse_where_they_are_asked_to,
         a_record_begins_where_it_is_asked_to, a_record_ends_where_the_memory_ends, a_play_keeps_set_points_out,
-        a_late_point_is_told, an_edge_starts_or_steps, a_table_that_differs_is_not_played,
+        a_late_point_is_told, an_edge_starts_or_steps,
+        a_play_waits_for_edges_and_counts_those_that_come_too_early, an_edge_starts_the_first_row,
+        edges_that_come_too_often_take_no_room_from_others, a_table_that_differs_is_not_played,
         a_plan_that_does_not_fit_is_refused, a_table_out_of_range_is_refused, half_a_table_is_given_up,
         a_flipped_bit_in_a_table_is_told, a_silent_host_ends_in_the_safe_value, a_silent_host_ends_a_play,
         requests_keep_the_watchdog_quiet, a_watchdog_of_0_never_trips, off_goes_to_the_safe_value,

@@ -107,8 +107,14 @@ class _Actuator:
         return self._path.actuators(t_s)[self._index]
 
 
-class _StreamedActuator(_Actuator, UnknownFuture):
+class _StreamedActuator(UnknownFuture):
     """The same, of a path whose future is unknown."""
+
+    def __init__(self, path: UserPath, index: int) -> None:
+        self._path, self._index = path, index
+
+    def __call__(self, t_s: float) -> float:
+        return self._path.actuators(t_s)[self._index]
 
 
 class UserStream:

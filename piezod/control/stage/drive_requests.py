@@ -13,6 +13,7 @@ from piezod.control.stage.named import axes_behind, axes_named, axis_names, with
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event
 from piezod.devices.played_axis import AxisTable
+from piezod.devices.player import EdgeWaits
 from piezod.devices.scan_table import ScanTable
 from piezod.messages import requests
 from piezod.units import NS_PER_S, s_to_ns
@@ -98,7 +99,10 @@ def scan(stage: Stage, request: requests.Scan, t_ns: int) -> Answer:
 
 def scan_table(request: requests.Scan) -> ScanTable:
     """Return the table of a request. Real-time safe."""
-    curves = tuple(request.axes.values())
+    curves, edges = tuple(request.axes.values()), None
+    if (wanted := request.edges) is not None:
+        within_ns = s_to_ns(wanted.within_s)
+        edges = EdgeWaits(wanted.first, wanted.every, wanted.times, within_ns)
 
     def columns(name: str) -> npt.NDArray[np.float64]:
         return np.stack([np.asarray(getattr(each, name), np.float64) for each in curves], axis=1)
@@ -115,6 +119,8 @@ def scan_table(request: requests.Scan) -> ScanTable:
         framed=request.frame_pulse,
         frame_points=request.frame_points,
         pause=request.pause,
+        edges=edges,
+        tail=0 if wanted is None else wanted.tail,
     )
 
 

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from piezod.control.table_guard import TableGuard
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.device_play import DevicePlay
 from piezod.daemon.paths import SCANNED, SCANNED_ROWS
-from piezod.devices.played_scan import BlockRecord, PlayedScan, ScanBlock
+from piezod.devices.played_scan import BlockRecord, PlayedScan, ScanBlock, missing_edge
 from piezod.devices.player import AtEnd
 from piezod.devices.scan_table import ScanTable
 from piezod.records.atomic import replacing
@@ -44,13 +44,14 @@ class ScanStore:
         self, folder: Path, number: int, table: ScanTable, inputs: tuple[str, ...]
     ) -> None:
         self._file, self._rows = folder / SCANNED, folder / SCANNED_ROWS
-        self._document = {
+        self._document: dict[str, Any] = {
             "number": number,
             "axes": table.axes,
             "inputs": inputs,
             "interval_s": table.interval_ns / NS_PER_S,
             "points": table.points,
             "sweeps": table.sweeps,
+            "edges": [],
         }
 
     def begin(self) -> None:
@@ -59,15 +60,26 @@ class ScanStore:
         self.note(0, ended=False)
 
     def add(self, record: BlockRecord, zero_um: Sequence[float]) -> None:
-        """Add the samples of a block."""
+        """Add the samples of a block, and its edges."""
+        self._document["edges"] += [[edge.t_ns, edge.used] for edge in record.edges]
         position_um = record.position_um - np.array(zero_um)
         rows = np.concatenate((position_um, record.detected), axis=1)
         with self._rows.open("ab") as file:
             file.write(rows.astype("<f4").tobytes())
 
-    def note(self, done: int, *, ended: bool, failed: str = "") -> None:
-        """Write how many sweeps are stored, whether the scan has ended, and why it failed."""
+    def note(
+        self, done: int, *, ended: bool, failed: str = "", waits_s: float | None = None
+    ) -> None:
+        """Write how the scan goes on.
+
+        Args:
+            done: Number of sweeps that are stored.
+            ended: Whether it has ended.
+            failed: Why it failed.
+            waits_s: Longest wait for an edge, in s, while the device waits for edges.
+        """
         document = {**self._document, "done": done, "ended": ended, "failed": failed}
+        document["waits_s"] = waits_s
         with replacing(self._file) as temporary:
             temporary.write_text(json.dumps(document), encoding="utf-8")
 
@@ -91,24 +103,37 @@ class ScanThread(DevicePlay):
 
     def _play(self) -> PlayOutcome:
         self._store.begin()
+        missing = ""
         for block in self._job.scan.blocks(self._job.table):
-            self._play_block(block)
-        self._store.note(self._done, ended=True)
-        return PlayOutcome(self._resting_v, commanded=True)
+            missing = self._play_block(block)
+        self._store.note(self._done, ended=True, failed=missing)
+        return PlayOutcome(self._resting_v, missing, commanded=True)
 
-    def _play_block(self, block: ScanBlock) -> None:
+    def _play_block(self, block: ScanBlock) -> str:
+        """Play a block; return that an edge has not come, "" if all have."""
         scan, table = self._job.scan, self._job.table
         columns, first_v = scan.columns(table, block), self._resting_v
         for guard, column, in_force_v in zip(self._guards, columns, first_v, strict=True):
             guard.check(column, in_force_v)
-        end_v = scan.load(table, block, columns, self._now_ns(), self._check)
+        held_v = scan.load(table, block, columns, self._now_ns(), self._check)
         self._check()
         scan.player.arm()
         self._start(first_v)
-        if self._wait(columns[0].duration_ns):
-            self._resting_v = tuple(end_v.tolist()) if self._holds else self._unknown
+        wait_ns = block.longest_wait_ns(table)
+        if wait_ns and table.edges is not None:
+            self._store.note(0, ended=False, waits_s=table.edges.within_ns / NS_PER_S)
+        ended = self._wait(columns[0].duration_ns + wait_ns)
+        if ended and self._holds and not wait_ns:
+            self._resting_v = tuple(held_v[-1].tolist())
         self._check()
+        if block.is_before:
+            return ""
         record = scan.recording(block, columns[0].lead_in_v.size, self._check)
+        if wait_ns and self._holds:  # without an edge it has ended early
+            last = record.played - 1
+            self._resting_v = first_v if last < 0 else tuple(held_v[last].tolist())
         self._store.add(record, self._job.zero_um)
-        self._done = block.end // table.points
+        done = max(block.first, 0) + len(record.position_um)
+        self._done = min(done // table.points, table.sweeps)
         self._store.note(self._done, ended=False)
+        return missing_edge(table, record)

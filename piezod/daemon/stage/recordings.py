@@ -63,6 +63,8 @@ class StageRecordings:
         models: Callable[[], Mapping[str, ModelFile | None]],
     ) -> None:
         self._name, self.folder = paths.name, paths.recordings
+        # Now, because they are read from the source, which an upgrade may take away.
+        self._descriptions = descriptions()
         stage = RecordedStage(
             open_reader, open_events, partial(record_dtype, axes), learned, lambda: _texts(models())
         )
@@ -217,7 +219,7 @@ class StageRecordings:
             start_ns=begins_ns or now_ns,
             names={field: [str(each.value) for each in members] for field, members in places},
             notes={"configuration": json.dumps(accepted_config.document(loop.config)), **models},
-            descriptions=descriptions(),
+            descriptions=self._descriptions,
             units={
                 name: axis.unit.replace("µ", "u")
                 for name, axis in loop.config.user_axes.items()

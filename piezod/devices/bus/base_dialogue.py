@@ -4,13 +4,14 @@ A plug-in may use it too; it need not: a `BusDevice` takes every `Dialogue`.
 """
 
 from collections.abc import Sequence
+from math import isnan
 from typing import Protocol
 
 from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import NO_FLAGS, SATURATED, DeviceFlag, Flags
 
 
 class Closable(Protocol):
@@ -132,6 +133,13 @@ class BaseDialogue:
         if self._noticed:
             noticed, self._noticed = noticed | self._noticed, set()
         return noticed
+
+    def _flag_saturated(self, values: Sequence[float]) -> None:
+        """Report each input whose value is NaN as saturated, and nothing else."""
+        self._flags = self._no_flags
+        if any(isnan(value) for value in values):
+            inputs = [SATURATED if isnan(value) else NO_FLAGS for value in values]
+            self._flags = [*inputs, *self._no_flags[len(values) :]]
 
     def _ask_in_force(self) -> Sequence[float]:
         """Ask for the value in force of each output. Real-time safe."""

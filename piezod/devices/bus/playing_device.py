@@ -123,7 +123,8 @@ class PlayingBusDevice(BusDevice):
         assert table is not None  # noqa: S101 - an armed device has one
         self._cycles, self._cycle_ns = table.cycles, len(table.period) * table.interval_ns
         lead_in_ns = len(table.lead_in) * table.interval_ns
-        self._overdue_ns = _limit_ns(now_ns, lead_in_ns + self._cycle_ns)
+        first_ns = lead_in_ns + self._cycle_ns + table.longest_wait_ns
+        self._overdue_ns = _limit_ns(now_ns, first_ns)
         # Before the request: whether it has reached the device is unknown after a failure.
         self._may_play, self._stop_owed = True, False
         self._written = [nan] * len(self._written)  # those of before are not in force any more

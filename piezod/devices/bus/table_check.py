@@ -3,7 +3,7 @@
 import typing
 from collections.abc import Sequence
 
-from piezod.devices.player import PlayerCapabilities, Table
+from piezod.devices.player import EdgeWaits, PlayerCapabilities, Table
 from piezod.errors import DeviceError
 
 if typing.TYPE_CHECKING:
@@ -43,6 +43,8 @@ def check_table(
             + "; choose a longer interval"
         )
     _check_pulses(table, able)
+    if table.edges is not None:
+        _check_edges(table, table.edges, able)
     # A device whose play only the host ends has no limit of its own.
     if table.cycles < 1 or 0 < able.cycles < table.cycles:
         allowed = f"1 to {able.cycles}" if able.cycles else "at least 1"
@@ -63,6 +65,35 @@ def _check_pulses(table: Table, able: PlayerCapabilities) -> None:
             f"pulses are for line {highest}, the device has {able.pulse_lines} lines of pulses; "
             "see the options of its driver"
         )
+
+
+def _check_edges(table: Table, edges: EdgeWaits, able: PlayerCapabilities) -> None:
+    if problem := waits_problem(edges, able.edge_waits):
+        raise DeviceError(problem)
+    if edges.places[-1] >= len(table.period):
+        raise DeviceError(f"a wait is behind the {len(table.period)} points of the period")
+    if len(table.lead_in) or table.cycles != 1:
+        raise DeviceError(
+            f"a table that waits for edges has {len(table.lead_in)} points of lead-in and "
+            f"{table.cycles} cycles, allowed: 0 and 1"
+        )
+
+
+def waits_problem(edges: EdgeWaits, most: int) -> str:
+    """Return why a device cannot wait for edges; empty if it can. Real-time safe.
+
+    Args:
+        edges: Where it would wait.
+        most: Most waits of the device.
+    """
+    if not most:
+        return (
+            "the device does not wait for edges; the simulated stage and a player board do: let "
+            "this device pulse instead (pulses)"
+        )
+    if edges.times > most:
+        return f"{edges.times} waits for an edge, allowed on this device: at most {most}"
+    return ""
 
 
 def check_values(part: str, values: "FloatArray", ranges: Sequence[tuple[float, float]]) -> None:

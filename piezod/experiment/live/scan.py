@@ -1,6 +1,6 @@
 """A scan on a running stage, whose device plays it by its own clock."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -13,8 +13,9 @@ from piezod.experiment.live.running_axis import playing_axis
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.play.axis import PlayingAxis
+from piezod.experiment.scan.edges import sweep_ns
 from piezod.experiment.scan.pixels import SweepSamples
-from piezod.experiment.scan.plan import AnyScan, plan_scan
+from piezod.experiment.scan.plan import AnyScan, check_edges, plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,
@@ -23,7 +24,7 @@ from piezod.experiment.scan.run import (
     run_scan,
     with_measured_mode,
 )
-from piezod.experiment.scan.stage import ScanTable
+from piezod.experiment.scan.stage import ScanTable, SeenEdge
 from piezod.messages.documents import Document
 from piezod.units import NS_PER_S
 
@@ -37,10 +38,15 @@ class RunningScanStage:
     Args:
         stage: The stage, armed and at rest.
         axes: Its axes, by name.
+        note: Called when a scan begins to wait for edges.
     """
 
-    def __init__(self, stage: LiveStage, axes: Mapping[str, PlayingAxis]) -> None:
-        self._stage, self._axes = stage, axes
+    def __init__(
+        self, stage: LiveStage, axes: Mapping[str, PlayingAxis], note: Callable[[str], None]
+    ) -> None:
+        self._stage, self._axes, self._note = stage, axes, note
+        self.edges: tuple[SeenEdge, ...] = ()
+        """The edges that the last scan has seen."""
 
     def rest(self) -> None:
         """Bring all axes to rest."""
@@ -49,7 +55,13 @@ class RunningScanStage:
     def scan(self, table: ScanTable) -> Iterator[SweepSamples]:
         """Play a scan, which the daemon checks; yield the samples of each sweep."""
         zero_um = np.array([self._axes[name].stage.zero_um for name in table.axes])
+        self.edges, waits = (), False
         for document in self._stage.scan(**_request(table)):
+            if not waits and (waits_s := document.get("waits_s")):
+                waits = True
+                self._note(f"the stage waits for pulses, {waits_s:g} s for each: start them")
+            self.edges = tuple(SeenEdge(*edge) for edge in document.get("edges", ()))
+            first_ns = sweep_ns(table, self.edges)
             samples, first = document["samples"], document["first"]
             position_um, detected = (
                 np.array([samples[name] for name in document[kind]], dtype=np.float64)
@@ -60,7 +72,7 @@ class RunningScanStage:
                 measured = position_um[:, part].T
                 yield SweepSamples(
                     first + i,
-                    (first + i) * table.points * table.interval_ns,
+                    int(first_ns[first + i]),
                     measured - zero_um,
                     np.full(measured.shape, np.nan),
                     detected[:, part].T if detected.size else np.empty((table.points, 0)),
@@ -79,6 +91,11 @@ def _request(table: ScanTable) -> Document:
         }
         for i, name in enumerate(table.axes)
     }
+    edges: dict[str, float] | None = None
+    if table.edges is not None:
+        first, every, times, within_ns = table.edges
+        edges = {"first": first, "every": every, "times": times, "tail": table.tail}
+        edges["within_s"] = within_ns / NS_PER_S
     return {
         "axes": curves,
         "interval_s": table.interval_ns / NS_PER_S,
@@ -86,6 +103,7 @@ def _request(table: ScanTable) -> Document:
         "frame_pulse": table.framed,
         "frame_points": table.frame_points,
         "pause": table.pause,
+        "edges": edges,
     }
 
 
@@ -110,6 +128,9 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
     _check(scan, setup)
     names = [span.axis for span in scan.spans]
     planned = {name: planned_axis(setup.axes[name].config, setup.model_of(name)) for name in names}
+    waits = {each["name"]: each.get("edge_waits", 0) for each in client.status().devices}
+    device = setup.axes[names[0]].config.amplifier.device
+    check_edges(scan, waits.get(device, 0))
     plan_scan(scan, planned)
     inputs = tuple(
         dict.fromkeys(
@@ -127,7 +148,7 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
         plan = plan_scan(
             scan, {name: with_measured_mode(planned[name], known[name]) for name in names}
         )
-        on = RunningScanStage(stage, axes)
+        on = RunningScanStage(stage, axes, told.note)
         result = run_scan(scan, plan, axes, known, on, inputs, setting, told)
         stage.disarm()
     return result

@@ -214,10 +214,7 @@ class LiveStage:
         """
         before = self._scan_number()
         self._client.scan(**request)
-        for document in self._samples(before):
-            yield document
-            if document["failed"]:
-                raise DataError(f"the scan failed: {document['failed']}")
+        yield from self._samples(before)
         self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 
     def _samples(self, before: int) -> Iterator[Document]:
@@ -236,6 +233,8 @@ class LiveStage:
                     got = len(next(iter(document["samples"].values()))) // document["points"]
                     yield document
                     first += got
+                    if document["failed"] and first == document["done"]:
+                        raise DataError(f"the scan failed: {document['failed']}")
                     ended = document["ended"] and first == document["done"]
                     if not got:
                         break

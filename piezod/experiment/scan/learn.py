@@ -69,8 +69,9 @@ class ScanTask:
     plan: ScanPlan
     known: Mapping[str, KnownAxis]  #: What is known of each axis, by name.
     rest_v: Mapping[str, float]  #: Voltage at rest of each axis, in V.
-    #: (p · m,) input of the inverse model for the line, learned; None for a stack.
+    #: (p · m,) input of the inverse model for the line; None for a stack.
     line_um: FloatArray | None
+    line_learned: bool  #: Whether it was learned alone.
     passes: int  #: Largest number of corrections of the frame.
 
     @property
@@ -163,7 +164,8 @@ class _Frame:
             if i > 0 or plan.is_stack
         }
         self._before: _Step | None = None
-        self._frames = 0
+        # The first half of the frames corrects whole a line that was not learned alone.
+        self._averaged = 0 if task.line_learned else -(task.passes // 2)
         self._harmonics = None if plan.line_um is None else _harmonics(task)
 
     def table(self) -> ScanTable:
@@ -266,9 +268,9 @@ class _Frame:
         # What is noise in an error is not corrected: on the average its square is noise².
         power = np.abs(error) ** 2
         sure = 1.0 - np.minimum(noise**2, power) / np.where(power > 0.0, power, 1.0)
-        # The line was learned alone before; smaller steps from frame to frame average the noise.
-        self._frames += 1
-        gain = GAIN * sure / self._frames
+        # Smaller steps from frame to frame average the noise.
+        self._averaged += 1
+        gain = GAIN * sure / max(self._averaged, 1)
         correction = np.where(harmonics.learned, gain * error / harmonics.response, 0.0)
         return np.fft.irfft(correction, plan.line_um.size)
 

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from piezod.config.scan import MODE_PERIODS, LineScan, RasterScan, StackScan
+from piezod.devices.bus.table_check import waits_problem
+from piezod.devices.player import EdgeWaits
 from piezod.devices.scan_table import Mask
 from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
@@ -46,6 +48,8 @@ class ScanPlan:
     edges_um: tuple[FloatArray, ...]  #: Edges of the pixels along each axis, in µm.
     sweeps_per_line: int = 1  #: Sweeps of a line.
     turns_back: bool = False  #: Whether every other sweep goes backward.
+    #: Where the stored frame waits for edges, counted in points of all sweeps; None for nowhere.
+    edges: EdgeWaits | None = None
 
     @property
     def sweeps(self) -> int:
@@ -56,6 +60,16 @@ class ScanPlan:
     def is_stack(self) -> bool:
         """Whether it is a stack: a pixel is a plane."""
         return self.line_um is None
+
+    @property
+    def steps(self) -> bool:
+        """Whether an edge ends each plane."""
+        return self.edges is not None and self.edges.first > 0
+
+    @property
+    def tail(self) -> int:
+        """Points behind the stored frame, in which edges that are too many are counted."""
+        return 2 * self.points if self.steps else 0
 
     @property
     def per_pixel(self) -> int:
@@ -143,6 +157,7 @@ def _swept(scan: RasterScan | LineScan, axes: Mapping[str, PlannedAxis]) -> Scan
         edges_um=edges,
         sweeps_per_line=scan.sweeps_per_line,
         turns_back=turns_back,
+        edges=_edges_of(scan, points, active),
     )
 
 
@@ -166,7 +181,26 @@ def _stack(scan: StackScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
         framed=framed,
         pause=points,
         edges_um=(edges,),
+        edges=_edges_of(scan, points, active),
     )
+
+
+def check_edges(scan: AnyScan, most: int) -> None:
+    """Refuse a scan that waits for edges more often than its device can.
+
+    Raises:
+        DataError: If it does.
+    """
+    waits = _edges_of(scan, 1, 1)
+    if waits is not None and (why := waits_problem(waits, most)):
+        raise DataError(f"{'step' if waits.first else 'start'}: {why}")
+
+
+def _edges_of(scan: AnyScan, points: int, active: int) -> EdgeWaits | None:
+    within_ns = round(scan.within_s * NS_PER_S)
+    if isinstance(scan, StackScan) and scan.step == "edge":
+        return EdgeWaits(active, points, scan.planes.pixels, within_ns)
+    return EdgeWaits(0, 1, 1, within_ns) if scan.start == "edge" else None
 
 
 def _edges(from_um: float, to_um: float, pixels: int) -> FloatArray:
@@ -210,10 +244,15 @@ def _with_flyback(from_um: float, to_um: float, active: int, points: int) -> Flo
 
 
 def _blend(scan: AnyScan, points: int, active: int, axes: Mapping[str, PlannedAxis]) -> FloatArray:
-    """Return how each axis goes to its next level: early by its delay, so that it moves then."""
+    """Return how each axis goes to its next level: early by its delay, so that it moves then.
+
+    An edge that ends a plane cannot be foreseen.
+    """
     columns = []
     for span in scan.spans:
-        early = round(axes[span.axis].delay_s * NS_PER_S / scan.interval_ns)
+        steps = isinstance(scan, StackScan) and scan.step == "edge"
+        delay_s = 0.0 if steps else axes[span.axis].delay_s
+        early = round(delay_s * NS_PER_S / scan.interval_ns)
         u = (np.arange(points) + min(early, active) - active + 1) / (points - active + 1)
         columns.append(smooth_step(u))
     return np.stack(columns, axis=1)

@@ -1,6 +1,6 @@
 """A scan from its description to its file, on a stage that plays it, virtual or running."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -11,11 +11,15 @@ from piezod.config.scan import StackScan
 from piezod.control.law.dynamics import lowest_mode_hz
 from piezod.control.law.model import StageModel
 from piezod.control.law.response_files import response_model
+from piezod.devices.player import SeenEdge
+from piezod.errors import DeviceError, RefusedError
 from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.play.command import PeriodicCommand
 from piezod.experiment.play.learn import LearnedPlay, PassReport, learn
+from piezod.experiment.play.record import BadRecordError, Flaw
 from piezod.experiment.play.stored import find_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
+from piezod.experiment.scan.edges import edge_notes, place_of
 from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
 from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, pixels_of
 from piezod.experiment.scan.plan import AnyScan, PlannedAxis, ScanPlan
@@ -44,7 +48,8 @@ class ScanResult:
 
     file: Path  #: The file.
     plan: ScanPlan  #: Its plan.
-    line: LearnedPlay | None  #: The line learned alone; None for a stack.
+    #: The line learned alone; None for a stack, or if the device has no memory for it.
+    line: LearnedPlay | None
     frames: tuple[FrameReport, ...]  #: All frames; the last one is stored.
 
 
@@ -119,7 +124,8 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
         plan,
         known,
         {name: axes[name].conditions.rest_v for name in plan.axes},
-        None if line is None else line.wanted_um,
+        plan.line_um if line is None else line.wanted_um,
+        line is not None,
         scan.passes,
     )
     frames: list[FrameReport] = []
@@ -137,7 +143,10 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
         inputs,
         both_ways=plan.sweeps_per_line > 1,
         configuration=setting.configuration,
+        edges=plan.edges is not None,
     )
+    if plan.edges is not None:
+        table = table._replace(edges=plan.edges, tail=plan.tail)
     report(_stored(stage, table, task, header, setting.file, told))
     return ScanResult(setting.file, plan, line, tuple(frames))
 
@@ -149,7 +158,8 @@ def _learned_line(
     known: Mapping[str, KnownAxis],
     told: Told,
     tables: Path | None,
-) -> LearnedPlay:
+) -> LearnedPlay | None:
+    """Learn the line; None if the device has no memory for that: the frames learn it then."""
     assert plan.line_um is not None  # noqa: S101 - a stack has no line
     command = PeriodicCommand("line of a scan", plan.line_um, plan.interval_ns)
     first_um: FloatArray | None = None
@@ -158,7 +168,16 @@ def _learned_line(
         told.note(text)
     settings = PlaySettings(passes, SETTLE_S, RECORD_S)
     task = known[plan.axes[0]].task(command, settings, first_um)
-    return learn(axis.stage, task, told.line)
+    try:
+        return learn(axis.stage, task, told.line)
+    except BadRecordError as error:
+        if error.flaw is not Flaw.SHORT:
+            raise
+        why = f"{error}"
+    except (DeviceError, RefusedError) as error:  # of another cause it comes again with the frame
+        why = f"{error}"
+    told.note(f"the line is not learned alone, but in the frames: {why}")
+    return None
 
 
 def _stored(
@@ -172,15 +191,29 @@ def _stored(
     """Play the frame that is stored; return its errors."""
     plan = task.plan
     measured, true = ErrorCount(plan), ErrorCount(plan)
+    k = -1
     with ScanFile(file, header, plan.edges_um, plan.n_rows, plan.pixels) as written:
-        for pixels in _pixels(stage, table, task):
-            k = pixels.sweep
-            swept = _swept(pixels, plan)
-            written.append(swept)
-            measured.add(k, pixels.position_um)
-            true.add(k, pixels.true_um)
-            told.sweep(swept, (k + 1) / plan.sweeps, plan.n_rows)
+        try:
+            for pixels in _pixels(stage, table, task):
+                k = pixels.sweep
+                swept = _swept(pixels, plan)
+                written.append(swept)
+                measured.add(k, pixels.position_um)
+                true.add(k, pixels.true_um)
+                told.sweep(swept, (k + 1) / plan.sweeps, plan.n_rows)
+        finally:
+            if plan.edges is not None:
+                _keep_edges(written, stage.edges, plan, told)
+            if k + 1 < plan.sweeps:
+                told.note(f"{k + 1} of {plan.sweeps} sweeps are stored in {file}")
     return FrameReport("stored", measured.errors, true.errors)
+
+
+def _keep_edges(written: ScanFile, edges: Sequence[SeenEdge], plan: ScanPlan, told: Told) -> None:
+    """Store the edges of a frame, and tell what is to be told of them."""
+    written.add_edges([edge.t_ns for edge in edges], place_of(edges), [x.used for x in edges])
+    for note in edge_notes(edges, plan.sweeps if plan.steps else 0):
+        told.note(note)
 
 
 def _pixels(stage: ScanStage, table: ScanTable, task: ScanTask) -> Iterator[SweepPixels]:

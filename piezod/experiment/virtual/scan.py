@@ -7,11 +7,13 @@ import numpy as np
 from piezod.config.experiment import ExperimentConfig
 from piezod.control.law.compensated import limits_of
 from piezod.control.table_guard import TableGuard, TableRefusedError
-from piezod.devices.played_scan import BlockRecord, PlayedScan
-from piezod.devices.player import CountsPulses
+from piezod.devices.played_scan import BlockRecord, PlayedScan, missing_edge
+from piezod.devices.player import CountsPulses, SeenEdge
+from piezod.errors import DataError
 from piezod.experiment.play.axis import PlayingAxis
+from piezod.experiment.scan.edges import sweep_ns
 from piezod.experiment.scan.pixels import SweepSamples
-from piezod.experiment.scan.plan import AnyScan, plan_scan
+from piezod.experiment.scan.plan import AnyScan, check_edges, plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,
@@ -47,6 +49,8 @@ class VirtualScanStage:
     ) -> None:
         self._stage, self._played, self._guards = stage, played, guards
         self._axes, self._rest_s = axes, rest_s
+        self.edges: tuple[SeenEdge, ...] = ()
+        """The edges that the last scan has seen."""
 
     def rest(self) -> None:
         """Bring all axes to rest."""
@@ -57,21 +61,27 @@ class VirtualScanStage:
         zero_um = np.array([self._axes[name].stage.zero_um for name in table.axes])
         true_zero_um = np.array([self._axes[name].stage.true_zero_um for name in table.axes])
         rest: BlockRecord | None = None
-        k, m = 0, table.points
+        k, m, self.edges = 0, table.points, ()
         for block in self._played.blocks(table):
             record = self._stage.play_block(self._played, table, block, self._guards)
+            if record is None:
+                continue
+            self.edges += record.edges
+            first_ns = sweep_ns(table, self.edges).tolist()
             rows = record if rest is None else rest.joined(record)
-            while len(rows.position_um) >= m:
+            while k < table.sweeps and len(rows.position_um) >= m:
                 sweep, rows = rows.split(m)
                 yield SweepSamples(
                     k,
-                    k * m * table.interval_ns,
+                    first_ns[k],
                     sweep.position_um - zero_um,
                     sweep.true_um - true_zero_um,
                     sweep.detected,
                 )
                 k += 1
             rest = rows
+            if why := missing_edge(table, record):
+                raise DataError(why)
 
 
 def scan_virtually(
@@ -92,13 +102,14 @@ def scan_virtually(
     names = [span.axis for span in scan.spans]
     with opened(config, lambda _: None) as stage:
         played = stage.played_scan(names)
+        check_edges(scan, played.capabilities.edge_waits)
         identified = identify_axes(stage, config)
         planned = {
             name: planned_axis(identified[name].config, identified[name].model) for name in names
         }
+        able, guards, axes = played.capabilities, {}, {}
         plan_scan(scan, planned)
         stage.rest(config.settle_s)
-        able, guards, axes = played.capabilities, {}, {}
         for name in names:
             limits = config.axes[name].limits
             guard = TableGuard(

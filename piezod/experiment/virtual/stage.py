@@ -204,12 +204,17 @@ class VirtualStage:
             true_um=record.true_um - self._true_zero_um[place],
         )
 
-    def _play_out(self, player: Player, loaded: AxisTable, what: str) -> None:
+    def _play_out(self, player: Player, loaded: AxisTable, what: str, most_ns: int = 0) -> None:
+        """Play a loaded table to its end, which edges may delay until `most_ns`."""
         player.arm()
         player.start(self.now_ns)
         duration_ns = loaded.duration_ns + loaded.interval_ns  # a device may start a point later
+        last_ns = self.now_ns + most_ns
         self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
-        progress = player.progress(self.now_ns)
+        while (progress := player.progress(self.now_ns)).state is PlayState.PLAYING:
+            if self.now_ns > last_ns:
+                break
+            self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
         if progress.state is not PlayState.ENDED:
             player.abort(self.now_ns)
             why = progress.reason or f"it is {progress.state.value} after its duration"
@@ -229,8 +234,10 @@ class VirtualStage:
         table: ScanTable,
         block: ScanBlock,
         guards: Mapping[str, TableGuard],
-    ) -> BlockRecord:
+    ) -> BlockRecord | None:
         """Play some sweeps of a scan; return their record, relative to the zeros of the sensors.
+
+        What comes before a wait for an edge has no sweep, and so no record.
 
         Raises:
             DataError: If a guard refuses the table.
@@ -239,16 +246,24 @@ class VirtualStage:
         columns = scan.columns(table, block)
         for name, column in zip(table.axes, columns, strict=True):
             guards[name].check(column, self.read_back_v(name))
-        end_v = scan.load(table, block, columns, self.now_ns)
-        self._play_out(scan.player, columns[0], "the scan")
-        places = [self._names.index(name) for name in table.axes]
-        for place, drive_v in zip(places, end_v.tolist(), strict=True):
-            self.in_force_v[place] = drive_v
+        held_v = scan.load(table, block, columns, self.now_ns)
+        most_ns = columns[0].duration_ns + block.longest_wait_ns(table)
+        self._play_out(scan.player, columns[0], "the scan", most_ns)
+        if block.is_before:
+            self._keep_in_force(table, held_v[-1])
+            return None
         record = scan.recording(block, columns[0].lead_in_v.size)
+        if record.played:  # an edge has started it
+            self._keep_in_force(table, held_v[record.played - 1])
+        places = [self._names.index(name) for name in table.axes]
         return record._replace(
             position_um=record.position_um - np.array(self._zero_um)[places],
             true_um=record.true_um - np.array(self._true_zero_um)[places],
         )
+
+    def _keep_in_force(self, table: ScanTable, drives_v: FloatArray) -> None:
+        for name, drive_v in zip(table.axes, drives_v.tolist(), strict=True):
+            self.in_force_v[self._names.index(name)] = drive_v
 
     def _zero(self, trace: FloatArray) -> None:
         """Zero the sensors to their means, and the truth to its means over the same samples."""

@@ -13,8 +13,10 @@ from piezod.daemon.paths import SCANNED, SCANNED_ROWS
 from piezod.daemon.stage.errors import UnknownNameError
 from piezod.daemon.stage.scanned import scanned_part
 from piezod.devices.channels import Channels
+from piezod.devices.player import EdgeWaits
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import construct, pairs_of
+from piezod_drivers.simulated.camera import CameraOptions
 from piezod_drivers.simulated.options import SimulatedOptions
 from tests.daemon.waiting import eventually
 
@@ -30,8 +32,9 @@ POINTS, SWEEPS = 100, 6
 class Scanning:
     """A simulated rig with two axes, and what plays on it."""
 
-    def __init__(self, folder: Path) -> None:
-        rig = {"rig": {"driver": "simulated", "options": SimulatedOptions(sub_step_us=50)}}
+    def __init__(self, folder: Path, camera: CameraOptions | None = None) -> None:
+        options = SimulatedOptions(sub_step_us=50, camera=camera)
+        rig = {"rig": {"driver": "simulated", "options": options}}
         config = DaemonConfig.model_validate(
             {"rate_hz": 100.0, "devices": rig, "axes": {"x": AXIS, "y": AXIS}}
         )
@@ -72,6 +75,17 @@ def table(top_v: float = 20.0, sweeps: int = SWEEPS) -> ScanTable:
     )
 
 
+def stepped() -> ScanTable:
+    """Return a scan of which an edge ends each sweep; it waits half a second for each."""
+    held = POINTS // 2
+    blend = np.clip((np.arange(POINTS) - held + 1) / (POINTS - held), 0.0, 1.0)
+    return table(top_v=0.0)._replace(
+        blend=np.tile(blend[:, None], (1, 2)),
+        edges=EdgeWaits(held, POINTS, SWEEPS, 500_000_000),
+        tail=POINTS,
+    )
+
+
 def test_samples_are_stored_block_by_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both axes and the input beside; the outcome has the last voltage of both."""
     monkeypatch.setattr("piezod.devices.played_scan.MOST_BLOCK_POINTS", 2 * POINTS)
@@ -109,6 +123,34 @@ def test_a_stop_leaves_the_voltages_in_force(
     assert outcome.drives_v == pytest.approx(read_v, abs=0.5)
     assert (part["failed"], part["ended"]) == ("it was aborted", True)
     assert part["samples"]
+    scanning.channels.close()
+
+
+def test_each_edge_ends_a_sweep(tmp_path: Path) -> None:
+    """The lead-in is played before; all edges are in the record, and none is missing."""
+    scanning = Scanning(tmp_path, CameraOptions(rate_hz=8.0, extra=(2,)))
+    scanning.threads.begin_scan((0, 1), stepped())
+    outcome, part = scanning.outcome(), scanning.part()
+    used = [used for _, used in part["edges"]]  # type: ignore[attr-defined] # a list
+
+    assert (outcome.failed, part["failed"], part["done"]) == ("", "", SWEEPS)
+    assert used[:3] == [True, True, False]
+    assert sum(used) == SWEEPS
+    assert outcome.drives_v == pytest.approx((0.0, 5.0), abs=0.1)
+    scanning.channels.close()
+
+
+def test_an_edge_that_does_not_come_ends_the_scan(tmp_path: Path) -> None:
+    """Where the axes are, with the sweeps so far, and the reason."""
+    scanning = Scanning(tmp_path, CameraOptions(rate_hz=8.0, pulses=3))
+    scanning.threads.begin_scan((0, 1), stepped())
+    outcome, part = scanning.outcome(), scanning.part()
+    read_v = scanning.channels.read_back(scanning.clock.now_ns())
+
+    assert "in plane 4 of 6" in outcome.failed
+    assert (part["failed"], part["done"], part["ended"]) == (outcome.failed, 3, True)
+    assert outcome.drives_v == pytest.approx((0.0, 3.0), abs=0.1)
+    assert outcome.drives_v == pytest.approx(read_v, abs=0.1)
     scanning.channels.close()
 
 

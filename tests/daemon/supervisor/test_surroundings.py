@@ -166,6 +166,8 @@ class Installed(StartedDaemon):
         for package in (piezod, piezod_drivers):
             folder = Path(str(package.__file__)).parent
             (installation / folder.name).symlink_to(folder)
+        for library in folder.parent.glob("*__mypyc*.so"):  # of a compiled build
+            (installation / library.name).symlink_to(library)
         super().__init__(config, PYTHONPATH=str(installation))
 
 

@@ -38,7 +38,10 @@ class BoardBench(PlayBench):
 
 
 def play_bench(
-    options: dict[str, object] | None = None, defines: str = "", folder: Path | None = None
+    options: dict[str, object] | None = None,
+    defines: str = "",
+    folder: Path | None = None,
+    wiring: Wiring | None = None,
 ) -> BoardBench:
     """Return an active device.
 
@@ -46,18 +49,23 @@ def play_bench(
         options: Options of the driver.
         defines: Options of the compiler of the firmware.
         folder: Folder of another firmware.
+        wiring: The channels in use; None for the first one.
     """
-    shared, rig, time = bench()
-    emulator = BoardEmulator(shared, "", build(folder, defines))
+    wiring = wiring or Wiring.both(("1",))
+    channels = len(wiring.outputs)
+    shared, rig, time = bench(channels)
+    defines += f" -DPORT_CHANNELS={channels}"
+    emulator = BoardEmulator(shared, "", build(folder, defines.strip()))
     line = EmulatedLine(emulator, time)
-    configured = BoardOptions.model_validate({"port": "p", "timeout_ms": 50.0, **(options or {})})
+    configured = BoardOptions.model_validate(
+        {"port": "p", "timeout_ms": 50.0, "channels": channels, **(options or {})}
+    )
 
     def connect(wiring: Wiring) -> ExchangingPlayingBusDevice:
         device = make_device(line, configured, wiring)
         assert isinstance(device, ExchangingPlayingBusDevice)
         return device
 
-    wiring = Wiring.both(("1",))
     opened = BoardBench(connect(wiring), line, rig, time, emulator, SCALE, connect, wiring)
     opened.opened()
     return opened

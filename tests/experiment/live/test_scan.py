@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from piezod.control.stage.drive_requests import scan_table
+from piezod.devices.player import EdgeWaits
 from piezod.devices.scan_table import ScanTable
 from piezod.experiment.live.scan import RunningScanStage
 from piezod.experiment.live.stage import LiveStage
@@ -16,6 +17,7 @@ from piezod.messages import requests as rq
 from piezod.telemetry.requests_codec import decode, encode
 
 POINTS, SWEEPS = 4, 3
+EDGES = [[200_000, True], [300_000, False], [1_000_000, True], [9_000_000, True]]
 
 
 class FakeLiveStage:
@@ -23,6 +25,7 @@ class FakeLiveStage:
 
     def __init__(self) -> None:
         self.request: dict[str, Any] = {}
+        self.notes = list[str]()
 
     def scan(self, **request: Any) -> Iterator[dict[str, Any]]:
         """Note the request; yield nothing first, then two sweeps, then one."""
@@ -31,7 +34,14 @@ class FakeLiveStage:
             rows = range(first * POINTS, (first + sweeps) * POINTS)
             values = [float(row) for row in rows]
             samples = {"x": values, "y": [None, *values][: len(values)], "photons": values}
-            yield {"axes": ["x", "y"], "inputs": ["photons"], "first": first, "samples": samples}
+            yield {
+                "axes": ["x", "y"],
+                "inputs": ["photons"],
+                "first": first,
+                "samples": samples,
+                "edges": EDGES if request.get("edges") else [],
+                "waits_s": 2.0 if request.get("edges") and not sweeps else None,
+            }
 
 
 def table() -> ScanTable:
@@ -59,8 +69,8 @@ def stage() -> tuple[FakeLiveStage, RunningScanStage]:
     axes = {
         name: SimpleNamespace(stage=SimpleNamespace(zero_um=zero)) for name, zero in zeros.items()
     }
-    on = RunningScanStage(cast("LiveStage", fake), cast("dict[str, PlayingAxis]", axes))
-    return fake, on
+    playing = cast("dict[str, PlayingAxis]", axes)
+    return fake, RunningScanStage(cast("LiveStage", fake), playing, fake.notes.append)
 
 
 def test_samples_come_sweep_by_sweep() -> None:
@@ -72,6 +82,23 @@ def test_samples_come_sweep_by_sweep() -> None:
     assert np.isnan(first.position_um[0, 1])
     assert second.detected[:, 0].tolist() == [4.0, 5.0, 6.0, 7.0]
     assert (third.sweep, third.first_ns) == (2, 2 * POINTS * 50_000)
+
+
+def test_sweeps_between_edges_have_their_time() -> None:
+    """Each begins some points behind the edge that ended the one before; the wait is told."""
+    fake, on = stage()
+    sent = table()._replace(edges=EdgeWaits(3, POINTS, SWEEPS, 2_000_000_000), tail=5)
+    found = list(on.scan(sent))
+    request = decode(encode(rq.Scan.model_validate(_tupled(fake.request))))
+    assert isinstance(request, rq.Scan)
+    got = scan_table(request)
+
+    assert len(fake.notes) == 1
+    assert [sweep.first_ns for sweep in found] == [0, 250_000, 1_050_000]
+    assert [edge.used for edge in on.edges] == [True, False, True, True]
+    assert (got.edges, got.tail, got.n_rows) == (sent.edges, 5, SWEEPS * POINTS + 5)
+    assert got.rows(10, got.n_rows)[-6:] == pytest.approx(np.tile(got.rows(11, 12), (6, 1)))
+    assert got.masks(10, got.n_rows)[2:].tolist() == [0] * 5
 
 
 def test_the_loop_plays_the_table_of_the_client() -> None:

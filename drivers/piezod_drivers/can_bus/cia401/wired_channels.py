@@ -1,15 +1,12 @@
 """The channels in use: their values as words of process data, and words as values."""
 
 from collections.abc import Sequence
-from typing import Final
 
 from piezod.devices.interface import Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import NO_FLAGS, SATURATED, Flags
 from piezod_drivers.can_bus.cia401 import objects
 from piezod_drivers.can_bus.cia401.codec import Scale
 from piezod_drivers.can_bus.cia401.options import Cia401Options, NodeInput
-
-_SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
 
 
 class WiredChannels:
@@ -51,7 +48,7 @@ class WiredChannels:
         for scale, word in zip(self._input_scales, words, strict=True):
             value, is_at_an_end = scale.read(word)
             values.append(value)
-            flags.append(_SATURATED if is_at_an_end else NO_FLAGS)
+            flags.append(SATURATED if is_at_an_end else NO_FLAGS)
         self.input_flags = flags
         return values
 

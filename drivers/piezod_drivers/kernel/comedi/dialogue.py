@@ -1,14 +1,13 @@
 """The calls of the loop on a converter card: one for each channel."""
 
 from collections.abc import Sequence
-from math import isnan
 from typing import Final
 
 from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import UNKNOWN, Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import DeviceFlag
 from piezod_drivers.kernel.comedi.card import Card
 from piezod_drivers.kernel.comedi.options import ComediOptions
 from piezod_drivers.kernel.comedi.wired_card import WiredCard, wired
@@ -16,7 +15,6 @@ from piezod_drivers.kernel.errno_faults import held
 
 MAX_RATE_HZ: Final = 2000.0
 """A conversion and its system call take some 10 µs, with several channels ten times as long."""
-_SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
 
 
 class ComediDialogue(BaseDialogue):
@@ -74,10 +72,7 @@ class ComediDialogue(BaseDialogue):
     def sample(self, now_ns: int) -> Reading:
         """Read every input. Real-time safe."""
         values = self.wired.sample()
-        self._flags = [
-            *(_SATURATED if isnan(value) else NO_FLAGS for value in values),
-            *self._no_flags[len(values) :],
-        ]
+        self._flag_saturated(values)
         return now_ns, values
 
     def put(self, values: Sequence[float]) -> None:

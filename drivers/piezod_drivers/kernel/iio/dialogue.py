@@ -1,21 +1,19 @@
 """The calls of the loop on a converter of IIO: a read or a write of a file for each channel."""
 
 from collections.abc import Sequence
-from math import isnan, nan
+from math import nan
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.interface import UNKNOWN, Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.kernel.iio.options import IioInput, IioOptions, IioOutput, unit_of
 from piezod_drivers.kernel.iio.sysfs import RawFile, folder_of, name_of, number_in
 
 MAX_RATE_HZ: Final = 1000.0
 """A transfer on SPI at 1 MHz takes some 50 µs with its system call; on I²C at 400 kHz, 150 µs."""
-_SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
 
 
 class Channel(NamedTuple):
@@ -100,10 +98,7 @@ class IioDialogue(BaseDialogue):
     def sample(self, now_ns: int) -> Reading:
         """Read every input. Real-time safe."""
         values = [channel.sample() for channel in self._inputs]
-        self._flags = [
-            *(_SATURATED if isnan(value) else NO_FLAGS for value in values),
-            *self._no_flags[len(values) :],
-        ]
+        self._flag_saturated(values)
         return now_ns, values
 
     def put(self, values: Sequence[float]) -> None:

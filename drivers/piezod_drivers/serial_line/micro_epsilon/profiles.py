@@ -10,22 +10,21 @@ from math import nan
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import NO_FLAGS, SATURATED, DeviceFlag, Flags
 
 UM_PER_MM: Final = 1000.0
 
-_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 _LOW_LIGHT: Final = frozenset({DeviceFlag.LOW_LIGHT})
 _OVERLOADED: Final = frozenset({DeviceFlag.BUS_OVERLOADED})
 
 _CODES_3: Final[Mapping[int, Flags]] = MappingProxyType(
     {
-        262_073: _SATURATED,  # below the lowest value that can be sent
-        262_074: _SATURATED,  # above the highest
+        262_073: SATURATED,  # below the lowest value that can be sent
+        262_074: SATURATED,  # above the highest
         262_075: _OVERLOADED,  # too much data for the bit rate
         262_076: _LOW_LIGHT,  # no peak
-        262_077: _SATURATED,  # in front of the measuring range
-        262_078: _SATURATED,  # behind it
+        262_077: SATURATED,  # in front of the measuring range
+        262_078: SATURATED,  # behind it
         262_081: _LOW_LIGHT,  # the peak is too wide
         262_082: _LOW_LIGHT,  # the laser is off
     }
@@ -33,8 +32,8 @@ _CODES_3: Final[Mapping[int, Flags]] = MappingProxyType(
 _CODES_2: Final[Mapping[int, Flags]] = MappingProxyType(
     {
         16_370: _LOW_LIGHT,  # no target
-        16_372: _SATURATED,  # too near
-        16_374: _SATURATED,  # too far
+        16_372: SATURATED,  # too near
+        16_374: SATURATED,  # too far
         16_376: _LOW_LIGHT,  # the target cannot be evaluated
         16_378: _LOW_LIGHT,  # the laser is off
     }
@@ -61,7 +60,7 @@ class SensorProfile(NamedTuple):
         if count >= self.first_code:
             return nan, self.codes.get(count, NO_FLAGS)
         if not self.lowest <= count <= self.highest:
-            return nan, _SATURATED
+            return nan, SATURATED
         return (count * self.per_count + self.offset) * (range_um if self.scaled else 1.0), NO_FLAGS
 
     def count_at(self, position_um: float, range_um: float) -> int:

@@ -9,7 +9,7 @@ from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import NOT_TOLD, Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.status import NO_FLAGS, SATURATED, DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.npoint_lc400 import codec
 from piezod_drivers.serial_line.npoint_lc400.codec import FULL_SCALE, HALF_SCALE, Lc400Register
@@ -20,7 +20,6 @@ HALF_PCT: Final = 50.0
 """Outputs go from minus to plus this value, in % of the command's span."""
 _RANGE_IN_UM: Final = 0
 _SERVO_OFF: Final = 0
-_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 
 
@@ -186,7 +185,7 @@ class Lc400Dialogue(BaseDialogue):
         saturated = [abs(position) >= HALF_SCALE for position in positions]
         # Nearly always none: spares the construction of new lists.
         if any(servos) or any(saturated):
-            self._flags = [_SATURATED if ends else NO_FLAGS for ends in saturated] + [
+            self._flags = [SATURATED if ends else NO_FLAGS for ends in saturated] + [
                 NO_FLAGS if servo == _SERVO_OFF else _LOCAL for servo in servos
             ]
         else:

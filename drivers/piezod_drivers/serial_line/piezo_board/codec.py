@@ -14,6 +14,8 @@ from piezod.devices.status import DeviceFlag
 
 CODES: Final = 65_535
 """Code of the highest voltage of a converter."""
+LINES: Final = 3
+"""Lines of pulses: point, line and frame, in this order."""
 TAGS: Final = 0x1000
 """Number of different tags."""
 ROWS: Final = 128
@@ -97,6 +99,18 @@ def status_of(words: str, channels: int) -> BoardStatus:
     numbers = tuple(map(int, parts[3:]))
     outputs, inputs = numbers[:channels], numbers[channels : 2 * channels]
     return BoardStatus(parts[1], parts[2], outputs, inputs, numbers[-2], numbers[-1])
+
+
+def numbers_of(words: str, begin: str, n: int) -> list[int]:
+    """Return the numbers behind the first word of a reply.
+
+    Raises:
+        LineFault: If it begins with another word, or has something else.
+    """
+    first, *parts = words.split(" ")
+    if first != begin or len(parts) != n or not _are_numbers(parts):
+        raise LineFault(DeviceFlag.GARBAGE, f"{words!r} is not {begin} with {n} numbers")
+    return list(map(int, parts))
 
 
 def data_bytes(values: Sequence[int]) -> bytes:

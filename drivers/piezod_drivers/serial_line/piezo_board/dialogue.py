@@ -9,7 +9,7 @@ from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.piezo_board import codec
 from piezod_drivers.serial_line.piezo_board.codec import CODES, BoardStatus
@@ -17,7 +17,6 @@ from piezod_drivers.serial_line.piezo_board.identity import BoardFacts
 from piezod_drivers.serial_line.piezo_board.options import BoardOptions
 from piezod_drivers.serial_line.piezo_board.player import BoardPlayer
 
-_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 _EXCHANGE_BYTES: Final = 60
 _BOARD_S: Final = 0.6e-3
 """Time that a board of 8 bits takes for an exchange, in s."""
@@ -69,7 +68,7 @@ class BoardDialogue(BaseDialogue):
         self._in_control = False
         with self._conversation.opening():
             # The end of the line ends what another program may have left.
-            words = self._ask("I", before=b"\n")
+            words = self.ask_words("I", before=b"\n")
         self._conversation.forget_noticed()
         facts = self._facts = BoardFacts.of(words, self._line.where)
         if facts.channels != self.options.channels:
@@ -146,7 +145,7 @@ class BoardDialogue(BaseDialogue):
         Raises:
             LineFault: If the exchange fails, or the board refuses.
         """
-        status = codec.status_of(self._ask(words), self.options.channels)
+        status = codec.status_of(self.ask_words(words), self.options.channels)
         self._codes = status.outputs
         self._note_state(status)
         return status
@@ -174,11 +173,7 @@ class BoardDialogue(BaseDialogue):
         """Keep the outputs of a status, and return its inputs, in V. Real-time safe."""
         values = [self.input_volts(status.inputs[i]) for i in self.inputs]
         self._keep_in_force(self.in_force_volts(status), now_ns)
-        if any(value != value for value in values):  # noqa: PLR0124 - true for NaN only
-            saturated = [_SATURATED if value != value else NO_FLAGS for value in values]  # noqa: PLR0124
-            self._flags = [*saturated, *self._no_flags[len(values) :]]
-        else:
-            self._flags = self._no_flags
+        self._flag_saturated(values)
         return now_ns, values
 
     def input_volts(self, code: int) -> float:
@@ -217,7 +212,8 @@ class BoardDialogue(BaseDialogue):
             tripped = "w" in status.flags
             self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED if tripped else DeviceFlag.RESTARTED)
 
-    def _ask(self, words: str, before: bytes = b"") -> str:
+    def ask_words(self, words: str, before: bytes = b"") -> str:
+        """Send a request and return the words of its reply. Real-time safe."""
         frame = self._frame(words, before, 0, None)
         return codec.words_of(frame, codec.tag_of(self._number))
 

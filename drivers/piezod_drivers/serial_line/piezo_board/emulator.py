@@ -43,6 +43,12 @@ class BoardEmulator(Emulator):
         self.processor = Processor(built, name or "emulated", self._drive, self._sense)
         bench.plays_from(None)
 
+    @property
+    def pulses(self) -> tuple[int, int, int]:
+        """Pulses of points, lines and frames so far."""
+        seen = self.processor.seen
+        return seen.points, seen.lines, seen.frames
+
     def receive(self, data: bytes) -> list[bytes]:
         """Let the firmware take bytes, and return what it sends."""
         self._run_to(self._bench.now_ns())

@@ -27,6 +27,7 @@ class BoardFacts(NamedTuple):
     clock_hz: int  #: Ticks per second.
     shortest: int  #: Ticks between two points.
     longest: int
+    waits: int = 0  #: 1 if a play can wait for edges.
 
     @classmethod
     def of(cls, words: str, where: str) -> Self:
@@ -46,11 +47,13 @@ class BoardFacts(NamedTuple):
             )
         try:
             numbers = [int(known[name]) for name in _NUMBERS]
+            numbers.append(int(known.get("edges", 0)))  # firmware 1.0 does not tell it
             name, board, firmware = known["name"], known["board"], known["firmware"]
         except (KeyError, ValueError):
             raise DeviceError(f"{where}: its identity lacks something: {words!r}") from None
         serial = NOT_TOLD if name == "-" else name
-        return cls(Identity("piezod player", board, serial, firmware), *numbers)
+        identity = Identity("piezod player", board, serial, firmware)
+        return cls(identity, *numbers)
 
     @property
     def step(self) -> int:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final, Protocol
 
 from piezod.devices.bus.dialogue import Reading
-from piezod.devices.player import Check
+from piezod.devices.player import Check, EdgeWaits, SeenEdge
 from piezod.units import NS_PER_S
 from piezod_drivers.serial_line.piezo_board import codec
 from piezod_drivers.serial_line.piezo_board.codec import ROWS, BoardStatus
@@ -14,6 +14,9 @@ from piezod_drivers.serial_line.piezo_board.options import BoardOptions
 _SLACK_NS: Final = 250_000_000
 """Longer than a board waits for data that do not come."""
 _BITS: Final = 10
+SPARE_EDGES: Final = 16
+"""Edges that come too often, and are stored."""
+_EDGE_WORDS: Final = 2
 _STARTS: Final = {"command": "G", "start edge": "G start", "step edges": "G step"}
 
 
@@ -31,6 +34,10 @@ class PlayHost(Protocol):
 
     def ask_status(self, words: str) -> BoardStatus:
         """Send a request and return the status that answers it. Real-time safe."""
+        ...
+
+    def ask_words(self, words: str) -> str:
+        """Send a request and return the words that answer it. Real-time safe."""
         ...
 
     def ask_data(self, words: str, data: bytes, n_back: int, timeout_ns: int) -> bytes:
@@ -71,10 +78,13 @@ class WaveRequests:
             self._host.ask_data(words, data, 0, self._within_ns(len(data)))
         return codec.crc_of(codec.data_bytes(codes))
 
-    def prepare(self, n_rows: tuple[int, int], cycles: int, ticks: int, crc: int) -> int:
+    def prepare(
+        self, lines: str, n_rows: tuple[int, int], cycles: int, ticks: int, crc: int
+    ) -> int:
         """Prepare a play; return the number of its point at which the record begins.
 
         Args:
+            lines: Request for its pulses.
             n_rows: Rows of lead-in and period.
             cycles: Number of periods.
             ticks: Ticks between two points.
@@ -83,14 +93,39 @@ class WaveRequests:
         lead, period = n_rows
         # The record has the memory that the table leaves; what counts of a play is its end.
         first = max(lead + period * cycles - self.room(lead + period), 0)
-        pulses = self._host.options.pulses
-        self._host.ask_status(f"L {pulses.point} {pulses.line or period}")
+        self._host.ask_status(lines)
         self._host.ask_status(f"P {lead} {period} {cycles} {ticks} {first} {crc:04X}")
         return first
 
-    def start(self) -> None:
-        """Start the play, or let an edge start it."""
-        self._host.ask_status(_STARTS[self._host.options.play_on])
+    def wait_for(self, edges: EdgeWaits | None) -> None:
+        """Let plays that are prepared from now on wait for edges; None for nowhere."""
+        if self._host.facts.waits:
+            first, every, times = (0, 1, 0) if edges is None else edges[:3]
+            self._host.ask_status(f"E {first} {every} {times}")
+
+    def edges(self) -> list[int]:
+        """Return how many edges were seen, how many stored, whether it waits. Real-time safe."""
+        return self._numbers("K", 3)
+
+    def stored_edges(self, check: Check) -> tuple[SeenEdge, ...]:
+        """Return the edges that are stored."""
+        found = list[SeenEdge]()
+        for k in range(self.edges()[1]):
+            check()
+            us, used = self._numbers(f"K {k}", 2)
+            found.append(SeenEdge(1000 * us, bool(used)))
+        return tuple(found)
+
+    def edge_rows(self, edges: EdgeWaits) -> int:
+        """Return the rows of the memory that the times of edges take."""
+        return -(-(edges.times + SPARE_EDGES) * _EDGE_WORDS // self._host.facts.channels)
+
+    def _numbers(self, words: str, n: int) -> list[int]:
+        return codec.numbers_of(self._host.ask_words(words), "K", n)
+
+    def start(self, edges: EdgeWaits | None) -> None:
+        """Start the play, or let an edge start it; one that waits for edges starts at once."""
+        self._host.ask_status("G" if edges else _STARTS[self._host.options.play_on])
 
     def recorded(self, n_rows: int, check: Check) -> list[int]:
         """Return the recorded codes, row by row."""

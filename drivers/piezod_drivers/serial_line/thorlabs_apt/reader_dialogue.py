@@ -8,7 +8,7 @@ from piezod.devices.bus.base_dialogue import BaseDialogue
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
-from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.status import NO_FLAGS, SATURATED, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, DisplayMode, Id
@@ -20,7 +20,6 @@ _BYTES_PER_CYCLE: Final = 6 + 12
 _UM_PER_TRAVEL: Final = 0.1  # the travel is reported in steps of 100 nm
 _REQUEST: Final = codec.short(Id.REQ_READING, CHANNEL)
 _REQUEST_IO: Final = codec.short(Id.REQ_GAUGE_IO, CHANNEL)
-_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 _NO_MODE: Final = frozenset({DeviceFlag.LATE_REPLY})
 _QUANTITIES: Final[dict[int, str]] = {
     DisplayMode.VOLTAGE: "a voltage",
@@ -89,7 +88,7 @@ class ReaderDialogue(BaseDialogue):
         """
         if self._mode.overdue:
             return [_NO_MODE] * len(self._inputs)
-        return [_SATURATED if self._saturated else NO_FLAGS] * len(self._inputs)
+        return [SATURATED if self._saturated else NO_FLAGS] * len(self._inputs)
 
     def _check_mode(self) -> None:
         """Refuse readings of another quantity.

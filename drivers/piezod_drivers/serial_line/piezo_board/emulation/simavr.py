@@ -28,7 +28,7 @@ class Seen(ctypes.Structure):
         (name, c_uint64)
         for name in ("points", "lines", "frames", "bad_frames", "sets", "shortest", "longest")
     ]
-    points: int  #: Pulses of the three lines.
+    points: int  #: Pulses of the lines.
     lines: int
     frames: int
     bad_frames: int  #: Frames that the DAC has not understood.
@@ -71,7 +71,7 @@ class Processor:
 
     @property
     def plays(self) -> bool:
-        """Whether the frame line is high."""
+        """Whether the line that tells of a play is high."""
         return bool(self._library.board_plays(self._board))
 
     @property
@@ -106,6 +106,10 @@ class Processor:
         """Give an edge at the trigger input."""
         self._library.board_edge(self._board)
 
+    def camera(self, first: int, every: int, edges: int) -> None:
+        """Give edges at the trigger input: the first one at a cycle, the others so many later."""
+        self._library.board_camera(self._board, first, every, edges)
+
 
 @cache
 def _load(path: Path) -> Any:
@@ -118,6 +122,7 @@ def _load(path: Path) -> Any:
     library.board_cycle.restype = c_uint64
     library.board_seen.restype = Seen
     library.board_run.argtypes = [c_void_p, c_uint64, c_int]
+    library.board_camera.argtypes = [c_void_p, c_uint64, c_uint64, c_uint]
     library.board_feed.argtypes = [c_void_p, c_char_p, c_uint]
     library.board_take.argtypes = [c_void_p, POINTER(ctypes.c_char), c_uint]
     for name in ("free", "reset", "forget", "edge", "plays", "cycle", "seen"):

@@ -1,38 +1,27 @@
-"""The lists of docs/ioc.md, from the declarations of the records: `python -m tests.ioc_tables`.
-
-A test compares them with what is in the page.
-"""
+"""The EPICS records, from their declarations."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from math import isfinite
-from pathlib import Path
-from typing import Final
 
 from piezod.ioc.motor_fields import FIELDS, Field
 from piezod.ioc.table import AXIS_RECORDS, FAULT_GROUPS, STAGE_RECORDS, Record
 
-PAGE: Final = Path(__file__).parents[1] / "docs" / "ioc.md"
-BEGIN: Final = "<!-- {}: made by `python -m tests.ioc_tables`, begin -->\n"
-END: Final = "<!-- end -->\n"
 
-
-def page() -> str:
-    """Return the page with its lists written anew."""
-    text = PAGE.read_text(encoding="utf-8")
-    lists = {
-        "motor": following_fields(),
-        "fixed": fixed_fields(),
-        "axis": records_of(AXIS_RECORDS),
-        "stage": records_of(STAGE_RECORDS),
-    }
-    for name, lines in lists.items():
-        before, begin, rest = text.partition(BEGIN.format(name))
-        _, end, after = rest.partition(END)
-        if not (begin and end):
-            raise ValueError(f"{PAGE} has no marks for the list {name}")
-        text = "".join((before, begin, *(f"{line}\n" for line in lines), end, after))
-    return text
+def page() -> Iterator[str]:
+    """Yield the page."""
+    yield "# EPICS records"
+    yield ""
+    yield "[EPICS](../ioc.md) explains them. Clients write ao, bo, mbbo, longout, stringout,"
+    yield "and what says so."
+    yield "\n## Fields of a motor record that follow the stage\n"
+    yield from following_fields()
+    yield "\n## Fields that keep a value\n"
+    yield from fixed_fields()
+    yield "\n## Records of an axis\n"
+    yield from records_of(AXIS_RECORDS)
+    yield "\n## Records of the stage\n"
+    yield from records_of(STAGE_RECORDS)
 
 
 def records_of(records: Sequence[Record]) -> Iterator[str]:
@@ -85,7 +74,3 @@ def _contents(record: Record) -> str:
     if record.length:
         parts.append(f"at most {record.length}")
     return "; ".join(parts)
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
