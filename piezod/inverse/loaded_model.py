@@ -12,7 +12,7 @@ from piezod.config.axes import AxisConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.waveforms.paths import Csv
 from piezod.control.guard import Limits
-from piezod.control.law.compensated import in_loop, limits_of, shaper_of
+from piezod.control.law.compensated import in_loop, limits_of, shaper_of, stage_delay_of
 from piezod.control.law.dynamics import known_dynamics
 from piezod.control.law.model import REST_BEYOND, StageModel, with_found_mode
 from piezod.control.law.model_files import read_model
@@ -118,9 +118,9 @@ class LoadedModel:
     def lookahead_s(self, rate_hz: float) -> float:
         """Return how long after its instant a voltage shows, in s: one period and the delay."""
         period_ns = s_to_ns(1.0 / rate_hz)
-        sensor_s = self._axis.compensator.sensor_delay_s if self._axis else 0.0
-        delay_ns = s_to_ns(self.model_at(rate_hz).delay_s) - s_to_ns(sensor_s)
-        return (period_ns + delay_ns) / NS_PER_S
+        period_s, model = period_ns / NS_PER_S, self.model_at(rate_hz)
+        delay_s = stage_delay_of(self._axis, model, period_s) if self._axis else model.delay_s
+        return (period_ns + s_to_ns(delay_s)) / NS_PER_S
 
     def model_at(self, rate_hz: float) -> StageModel:
         """Return the model for a loop at a rate, in Hz, with its zero at rest."""

@@ -92,7 +92,7 @@ class PlayBench:
 
     def progress_to_end(self) -> Progress:
         """Ask for the progress until the play has ended or failed."""
-        for _ in range(2000):
+        for _ in range(10_000):
             self.wait(STEP_NS)
             found = self.device.progress(self.time.t_ns)
             if found.state is not PlayState.PLAYING:

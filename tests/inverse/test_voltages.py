@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import piezod
+from piezod.config.first_mode import FirstModeConfig
 from piezod.config.modes import Mode
 from piezod.errors import ConfigError, DataError
 from piezod.hysteresis.memory import FloatArray
@@ -100,6 +101,19 @@ def test_stage_that_stands_is_held_by_its_voltage(name: str) -> None:
     drives_v = model.voltages([0.0, 1.0], [standing_um] * 2, rate_hz=RATE_HZ, from_v=60.0)
 
     assert np.max(np.abs(drives_v - 60.0)) < 1e-6
+
+
+@pytest.mark.parametrize("sensor_delay_s", [0.1e-3, 0.6e-3])
+def test_stage_that_rings_shows_a_voltage_half_a_cycle_early(sensor_delay_s: float) -> None:
+    """Whatever the delay of its sensor, which does not see the stage at its instants."""
+    config = quick_config().axes["x"]
+    compensator = config.compensator.model_copy(update={"sensor_delay_s": sensor_delay_s})
+    mode = FirstModeConfig(frequency_hz=734.0, damping=0.005)
+    axis = config.model_copy(update={"compensator": compensator, "first_mode": mode})
+
+    model = piezod.load_model(model_path("surface"), axis=axis)
+
+    assert model.lookahead_s(1000.0) == pytest.approx(0.5e-3, abs=1e-6)
 
 
 def test_range_that_cuts_is_told() -> None:

@@ -17,7 +17,7 @@ from tests.drivers.serial_line.board_play_bench import needs_board
 from tests.system.test_bus_demo import condition, moved
 
 pytestmark = [needs_board, pytest.mark.stress, pytest.mark.timeout(3600)]
-RATE_HZ = 50
+RATE_HZ = 20
 
 
 def configured(folder: Path, where: list[str]) -> Path:
@@ -55,7 +55,8 @@ def test_a_board_is_identified_driven_and_played(tmp_path: Path, figure: Figure)
     wave.write_text(yaml.safe_dump({"command_um": command_um}), encoding="utf-8")
     with emulated("board") as devices, Daemon(configured(tmp_path, devices.where)) as daemon:
         daemon.up()
-        identified = daemon.command("identify", "--live", "--adopt", "--json")
+        model = "--out", str(tmp_path / "model.yaml")
+        identified = daemon.command("identify", "--live", "--adopt", *model, "--json")
         assert identified.returncode == 0, identified.stdout + identified.stderr
         for mode in ("feedforward", "adaptive"):
             if mode == "adaptive":

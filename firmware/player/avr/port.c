@@ -14,7 +14,6 @@
 #define DAC _BV(3)  /* of port B: selected while low */
 #define ADC0 _BV(4) /* converts from its rising edge on, and is read while low */
 #define ADC1 _BV(2)
-#define ADCS (PORT_CHANNELS == 1 ? ADC0 : ADC0 | ADC1)
 #define MODE_ADC (_BV(SPE) | _BV(MSTR))            /* data are taken at the rising edge of the clock */
 #define MODE_DAC (_BV(SPE) | _BV(MSTR) | _BV(CPHA)) /* at the falling edge */
 #define DAC_SET 0x18       /* commands of the DAC: set a channel, which is added */
@@ -58,7 +57,13 @@ static inline void dac(uint8_t command, uint16_t value)
 void port_exchange(const uint16_t *out, uint16_t *in)
 {
     static const uint8_t adcs[] = {ADC0, ADC1};
-    PORTB |= ADCS; /* the conversion takes 3.2 us; setting an output takes longer */
+    /* A conversion begins at a rising edge, and takes 3.2 us; setting an output takes longer. An ADC drives the common
+     * line while it is low: never two at a time. */
+    PORTB |= adcs[PORT_CHANNELS - 1];
+    if (PORT_CHANNELS > 1) {
+        PORTB &= (uint8_t)~ADC0;
+        PORTB |= ADC0;
+    }
     SPCR = MODE_DAC;
     for (uint8_t i = 0; i < PORT_CHANNELS; i++)
         dac(DAC_SET | i, out[i]);
@@ -67,6 +72,8 @@ void port_exchange(const uint16_t *out, uint16_t *in)
         PORTB &= (uint8_t)~adcs[i];
         in[i] = (uint16_t)(spi(0) << 8);
         in[i] |= spi(0);
+        if (i + 1 < PORT_CHANNELS)
+            PORTB |= adcs[i];
     }
 }
 
@@ -248,7 +255,7 @@ void stop_watchdog(void)
 
 static void start(void)
 {
-    PORTB = DAC;
+    PORTB = DAC | ADC1;
     DDRB = DAC | ADC0 | ADC1 | _BV(5) | _BV(7);
     SPSR = _BV(SPI2X);
     player_start();

@@ -322,7 +322,7 @@ void command_send_data(void)
 {
     if (!asked.rows)
         return;
-    reply_data_begin();
+    reply_begin();
     for (uint16_t i = 0; i < asked.rows * CH; i++)
         reply_value(play_recorded((uint16_t)(asked.at * CH + i)));
     reply_data_end();

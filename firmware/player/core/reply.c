@@ -57,11 +57,6 @@ void reply_end(bool checked)
     port_send('\n');
 }
 
-void reply_data_begin(void)
-{
-    crc = CRC16_BEGIN;
-}
-
 void reply_value(uint16_t value)
 {
     send((uint8_t)value);

@@ -13,8 +13,7 @@ void reply_plain(uint32_t number);
 void reply_number(uint32_t number); /* behind a space */
 void reply_end(bool checked);
 
-/* Binary data: little-endian values, then their CRC. */
-void reply_data_begin(void);
+/* Binary data, behind reply_begin: little-endian values, then their CRC. */
 void reply_value(uint16_t value);
 void reply_data_end(void);
 

@@ -28,6 +28,7 @@ struct seen {
 
 struct board {
     avr_t *avr;
+    const avr_uart_t *uart;
     drive_t drive;
     sense_t sense;
     struct seen seen;
@@ -117,6 +118,8 @@ static void convert(struct board *b, int channel, uint32_t value)
 {
     if (value)
         b->sample[channel] = (uint16_t)b->sense(channel, b->avr->cycle);
+    else if (b->reads >= 0)
+        b->seen.bad_frames++; /* two ADCs drive the same line */
     b->reads = value ? -1 : channel;
     b->n_adc = 0;
 }
@@ -206,6 +209,9 @@ static void listen(struct board *b, uint32_t ioctl, int index, avr_irq_notify_t 
 static void connect_wires(struct board *b)
 {
     uint32_t flags = 0;
+    for (const avr_io_t *io = b->avr->io_port; io; io = io->next)
+        if (!strcmp(io->kind, "uart") && ((const avr_uart_t *)io)->name == '0')
+            b->uart = (const avr_uart_t *)io;
     avr_ioctl(b->avr, AVR_IOCTL_UART_GET_FLAGS('0'), &flags);
     flags &= (uint32_t)~(AVR_UART_FLAG_STDIO | AVR_UART_FLAG_POLL_SLEEP);
     avr_ioctl(b->avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
@@ -334,6 +340,13 @@ void board_forget(struct board *b)
     b->last_set = 0;
 }
 
+/* Whether the processor has taken all bytes, and has nothing to do. */
+static int is_idle(const struct board *b)
+{
+    return b->in_tail == b->in_head && b->uart->input.read == b->uart->input.write && b->avr->state == cpu_Sleeping &&
+           b->avr->cycle >= b->next_byte + QUIET_CYCLES;
+}
+
 /* Runs until a cycle; with `until_idle` only until all bytes are taken and the processor sleeps. Returns whether it
  * still runs: it does not after a crash. */
 int board_run(struct board *b, uint64_t until, int until_idle)
@@ -343,8 +356,7 @@ int board_run(struct board *b, uint64_t until, int until_idle)
             b->next_byte = b->avr->cycle + BYTE_CYCLES;
             avr_raise_irq(avr_io_getirq(b->avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT), b->in[b->in_tail++ % RING]);
         }
-        if (until_idle && b->in_tail == b->in_head && b->avr->state == cpu_Sleeping &&
-            b->avr->cycle >= b->next_byte + QUIET_CYCLES)
+        if (until_idle && is_idle(b))
             return 1;
         int state = avr_run(b->avr);
         if (state == cpu_Done || state == cpu_Crashed)

@@ -320,8 +320,10 @@ class CompensatedAxis:
             return
         identifier, proof = self.identifier, self.proof
         errors = identifier.errors
-        if errors and identifier.learned and proof.use.add(errors.learned, errors.first):
-            self.compensator.use_learned(proof.use.used, proof.first)
+        if errors and identifier.learned:
+            use, noise = proof.use, identifier.gate.noise_variance
+            if use.add(errors.learned, errors.first, errors.of_lag, noise, errors.change):
+                self.compensator.use_learned(use.used, proof.first)
         if not self.compensator.learns_in_use:
             return
         command = (command_um - self._low_um) / self._width_um

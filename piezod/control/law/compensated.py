@@ -17,8 +17,9 @@ from piezod.control.law.dynamics import (
     StageDynamics,
     known_dynamics,
 )
+from piezod.control.law.held_delay import shown_share, stage_delay
 from piezod.control.law.identifier import Identifier, LearningGate
-from piezod.control.law.learned_models import LearnedBound, ModelErrors, ModelProof
+from piezod.control.law.learned_models import LearnedBound, LearnedUse, ModelErrors, ModelProof
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import StageModel
 from piezod.control.law.pace import FOLLOWED_SHARE, learning_pace
@@ -58,6 +59,8 @@ SHADOW_WINDOW_S = 1.0
 """The learned model is compared with the last good one after this time of learning."""
 PROOF_WINDOW_S = 1.0
 """The tracking error with the learned model is judged after this time of following a command."""
+UNSEEN_LAG_CYCLES = 0.5
+"""Largest lag of samples that says nothing about a stage whose mode rings between them."""
 LAG_CYCLES = 3
 """Delay beyond that of the stage that explains a tracking error, in cycles: hold, mode, rounding of
 corners."""
@@ -109,12 +112,12 @@ def compensated_axis(
     dynamics = known_dynamics(config, period_s)
     model = in_loop(model, dynamics, period_s)
     delay_ns = s_to_ns(model.delay_s)
-    sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
+    sensor_delay_ns = delay_ns - s_to_ns(stage_delay_of(config, model, period_s))
     # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, max(delay_ns, 0) // period_ns + SPARE_ENTRIES)
     pace = _pace(config, model.form, period_ns)
     modal = _modal(dynamics, period_ns, creep.quick)
-    proof = _proof(model, period_ns)
+    proof = _proof(model, period_ns, _learned_use(config, model.form, period_ns))
     identifier = _identifier(config, model, creep, history, period_ns, modal, proof.first)
     compensator = Compensator(
         model.form,
@@ -186,6 +189,20 @@ def in_loop(model: StageModel, dynamics: StageDynamics | None, period_s: float) 
     model = model.at(period_s)
     # The delay of a response is more accurate: that of an identification is of slow motion only.
     return model if dynamics is None else replace(model, delay_s=dynamics.delay_s)
+
+
+def stage_delay_of(config: AxisConfig, model: StageModel, period_s: float) -> float:
+    """Return the delay of the stage without that of its sensor, in s.
+
+    Args:
+        config: Configuration of the axis. Known modes are shaped for, so that they delay nothing.
+        model: Model for a loop with this period.
+        period_s: Period of the loop, in s.
+    """
+    sensor_delay_s = config.compensator.sensor_delay_s
+    if config.response is not None:
+        return model.delay_s - sensor_delay_s
+    return stage_delay(model.delay_s, sensor_delay_s, period_s, config.first_mode)
 
 
 def shaper_of(
@@ -270,11 +287,25 @@ def _pace(config: AxisConfig, form: ModelForm, period_ns: int) -> float:
     return learning_pace(period_ns / NS_PER_S, config.first_mode, share)
 
 
-def _proof(model: StageModel, period_ns: int) -> ModelProof:
+def _learned_use(config: AxisConfig, form: ModelForm, period_ns: int) -> LearnedUse:
+    unseen_lag_cycles = 0.0
+    if config.compensator.sensor_delay_s and config.response is None:
+        # Samples do not tell the lag of a stage that rings between them.
+        shown = shown_share(period_ns / NS_PER_S, config.first_mode)
+        unseen_lag_cycles = UNSEEN_LAG_CYCLES * (1.0 - shown)
+    return LearnedUse(
+        _cycles(PROOF_WINDOW_S, period_ns),
+        learned_share(config.compensator, form) * _pace(config, form, period_ns),
+        unseen_lag_cycles,
+    )
+
+
+def _proof(model: StageModel, period_ns: int, use: LearnedUse) -> ModelProof:
     return ModelProof(
         LearnedModel(model.weights.copy()),
         window_cycles=_cycles(PROOF_WINDOW_S, period_ns),
         lag_cycles=abs(s_to_ns(model.delay_s)) // period_ns + LAG_CYCLES,
+        use=use,
     )
 
 

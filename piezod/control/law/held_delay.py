@@ -11,7 +11,9 @@ period comes from a mode that rings on from cycle to cycle: then the sum is near
 What is beyond that is a time by which samples are told early.
 """
 
-from math import exp
+from math import exp, pi, tan
+
+from piezod.config.first_mode import FirstModeConfig
 
 
 def delay_at(delay_s: float, held_s: float, period_s: float) -> float:
@@ -28,6 +30,42 @@ def delay_at(delay_s: float, held_s: float, period_s: float) -> float:
         rings_s = max(delay_s, -0.5 * held_s)
         return (rings_s * period_s / held_s if held_s else 0.0) + delay_s - rings_s
     return _sampled_s(_continuous_s(delay_s, held_s), period_s)
+
+
+def stage_delay(
+    delay_s: float, sensor_delay_s: float, period_s: float, mode: FirstModeConfig | None
+) -> float:
+    """Return the delay of the stage itself, at the instants of the cycles, in s.
+
+    That of a stage which is slow against T is less by the delay of the sensor. If its first mode
+    rings on from cycle to cycle, its own sum is near -1/2, whatever the sensor shows; it is smaller
+    if less than the whole ring is left after T. Between both, with a mode that turns by 2 x in a
+    cycle, x / tan(x) of the lag behind -T/2 remains.
+
+    Args:
+        delay_s: Delay of the samples, in s.
+        sensor_delay_s: Delay of the sensor, in s; 0 if samples count as the stage.
+        period_s: Period of the loop, in s.
+        mode: First mode; None if it is unknown: the stage then counts as slow.
+    """
+    if sensor_delay_s == 0.0:
+        return delay_s
+    left = exp(-2.0 * pi * mode.damping * mode.frequency_hz * period_s) if mode else 1.0
+    behind_s = max(delay_s + 0.5 * period_s - sensor_delay_s, 0.0)
+    return shown_share(period_s, mode) * behind_s - period_s * left * (1.0 - 0.5 * left)
+
+
+def shown_share(period_s: float, mode: FirstModeConfig | None) -> float:
+    """Return the share of a lag of the stage that its instants show, from 0 to 1.
+
+    Args:
+        period_s: Period of the loop, in s.
+        mode: First mode; None if it is unknown.
+    """
+    angle = pi * mode.frequency_hz * period_s if mode else 0.0
+    if angle == 0.0:
+        return 1.0
+    return angle / tan(angle) if angle < 0.5 * pi else 0.0
 
 
 def _continuous_s(delay_s: float, held_s: float) -> float:

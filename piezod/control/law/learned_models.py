@@ -7,7 +7,8 @@ mean little, because neighbouring operators can exchange slope without an effect
 A sensor whose gain or zero lies looks like a stage that has changed. The bound limits what such a
 lie can teach: at the bound, learning goes on within it.
 
-A learned model is used only while it predicts no worse than the identified one.
+A learned model is used only while it predicts no worse than the identified one, and while it
+differs from that by more than an unknown lag and noise explain.
 
 Both predict the displacement of the same samples from the voltage, which has no noise, each before
 the learned one has learned from the sample. Noise is in both errors, so that the difference of
@@ -15,6 +16,13 @@ their squares shows little of it: over some windows, a mean beyond two of its st
 chance. (Voltages that are predicted from noisy displacements would not do: a model that has learned
 from noise is better at that.) A learned model that is not used goes on learning, and is used again
 when it predicts better.
+
+Samples show a moving stage later than it is, or earlier, and larger or smaller: the first mode
+rings between two of them, and filters delay them. In fast motion that looks like hysteresis: the
+samples suit the model that has learned it, and the stage errs more. The change of the drive in a
+cycle, and the change of that change, bound it. Noise is learned, too; the share of it that a sample
+teaches bounds that. The predictions of both models have no noise, so that their difference tells at
+once whether they differ by more.
 """
 
 from collections import deque
@@ -27,6 +35,7 @@ from piezod.control.law.model import StageModel
 from piezod.control.signals import RecentRange
 from piezod.hysteresis import LearnedModel, ModelForm
 from piezod.hysteresis.adaptation import Adaptable, AdaptiveIdentifier
+from piezod.hysteresis.covariance import MEASUREMENT_VARIANCE
 from piezod.hysteresis.memory import Memory
 from piezod.units import NS_PER_S
 
@@ -47,6 +56,12 @@ USE_STANDARD_ERRORS: Final = 2.0
 LEAST_MORE: Final = 2e-4**2
 """A mean squared error that is larger by less, in units of the range squared, makes no
 difference."""
+
+UNKNOWN_LAG_CYCLES: Final = 0.1
+"""Lag of samples that nobody knows: by so much the delays of simulated stages change from 5 to
+20 Hz."""
+CLEARLY: Final = 2.0
+"""A difference whose mean square is larger by this factor is not that of lag or noise."""
 
 
 class ModelDrift:
@@ -150,8 +165,13 @@ class ModelErrors:
             of_learned.take_over(memory)
         self._learned = learned
         self._step_first, self._step_learned = of_first.step, of_learned.step
+        self._drive = nan
         self.learned = self.first = nan
         """Measured minus predicted displacement of both, in units of the range."""
+        self.change = 0.0
+        """Change of the drive since the sample before, normalised."""
+        self.of_lag = 0.0
+        """Square of what a lag that nobody knows may make of the displacement, in the same unit."""
 
     def follow(self, drive: float, position: float, crept: float) -> None:
         """Take a sample. Call once for each, also for one that is not valid.
@@ -162,6 +182,11 @@ class ModelErrors:
             crept: Part of it that creep and modes have added.
         """
         drive = 0.0 if drive < 0.0 else 1.0 if drive > 1.0 else drive
+        change = drive - self._drive
+        if change == change:  # noqa: PLR0124 - not NaN, as the first one is
+            bend, late = change - self.change, UNKNOWN_LAG_CYCLES * change
+            self.of_lag, self.change = late * late + bend * bend, change
+        self._drive = drive
         self.first = position - crept - self._step_first(drive)
         shown = self._step_learned(drive) + crept + self._learned.offset
         self.learned = position - shown / (1.0 + self._learned.scale)
@@ -172,46 +197,79 @@ class LearnedUse:
 
     Args:
         window_cycles: Number of samples between two judgements.
+        learned_share: Share of its error that the model learns from a sample.
+        unseen_lag_cycles: Largest lag that makes no difference, in cycles.
     """
 
-    def __init__(self, window_cycles: int) -> None:
-        self._window_cycles = window_cycles
+    def __init__(
+        self, window_cycles: int, learned_share: float = 0.0, unseen_lag_cycles: float = 0.0
+    ) -> None:
+        self._window_cycles, self._share = window_cycles, 1.0 / window_cycles
+        self._learned_share, self._unseen_lag = learned_share, unseen_lag_cycles
         self._windows = deque[float](maxlen=MOST)
         self._sum, self._samples = 0.0, 0
-        self.used = True
-        """Whether the learned model is used."""
+        self.restart()
 
     def restart(self) -> None:
         """Use the learned model: it is the identified one again."""
-        self.used = True
+        self.used = self._better = self._clear = True
+        """Whether the learned model is used."""
+        self._difference = self._late = self._moved = self._explained = 0.0
         self._begin()
 
-    def add(self, error: float, first_error: float) -> bool:
+    def add(
+        self, error: float, first_error: float, of_lag: float, of_noise: float, change: float
+    ) -> bool:
         """Take a sample in motion; return whether `used` has changed.
 
         Args:
             error: Error of the learned model before it has learned from the sample, in units of the
                 range.
             first_error: Error of the identified model.
+            of_lag: Square of what an unknown lag may make of the displacement.
+            of_noise: Variance of the noise of the samples.
+            change: Change of the drive since the sample before.
         """
         more = error * error - first_error * first_error
         if more - more != 0.0:  # not finite
             return False
+        self._look(error - first_error, of_lag, of_noise, change)
         self._sum += more
         self._samples += 1
-        if self._samples < self._window_cycles:
-            return False
+        if self._samples >= self._window_cycles:
+            self._judge()
+        before, self.used = self.used, self._better and self._clear
+        return self.used is not before
+
+    def _look(self, difference: float, of_lag: float, of_noise: float, change: float) -> None:
+        """See whether the models differ by more than lag and noise explain."""
+        share, lag = self._share, self._unseen_lag
+        if of_noise > MEASUREMENT_VARIANCE:  # recursive least squares trusts such samples less
+            of_noise = sqrt(of_noise * MEASUREMENT_VARIANCE)
+        explained = of_lag + self._learned_share * of_noise
+        self._explained += share * (explained - self._explained)
+        self._difference += share * (difference * difference - self._difference)
+        beyond = self._difference
+        if lag:
+            self._late += share * (difference * change - self._late)
+            self._moved += share * (change * change - self._moved)
+            # The lag that explains most of the difference, as far as it is allowed.
+            lag = min(lag, abs(self._late) / self._moved) if self._moved else 0.0
+            beyond += lag * (lag * self._moved - 2.0 * abs(self._late))
+        least = self._explained if self._clear else CLEARLY * self._explained
+        self._clear = self._explained <= LEAST_MORE or beyond > least
+
+    def _judge(self) -> None:
+        """Judge at the end of a window which model predicts better."""
         self._windows.append(self._sum / self._samples)
         self._sum, self._samples = 0.0, 0
-        if len(self._windows) < FEWEST or not self._loses():
-            return False
-        self.used = not self.used
-        self._begin()
-        return True
+        if len(self._windows) >= FEWEST and self._loses():
+            self._better = not self._better
+            self._begin()
 
     def _loses(self) -> bool:
-        """Return whether the model in use predicts worse than the other, and not by chance."""
-        count, sign = len(self._windows), 1.0 if self.used else -1.0
+        """Return whether the better model predicts worse than the other, and not by chance."""
+        count, sign = len(self._windows), 1.0 if self._better else -1.0
         mean = sum(self._windows) / count
         variance = sum((each - mean) ** 2 for each in self._windows) / (count - 1)
         return sign * mean > USE_STANDARD_ERRORS * sqrt(variance / count) + LEAST_MORE
@@ -232,13 +290,20 @@ class ModelProof:
         first: The model from the identification.
         window_cycles: Number of cycles between two comparisons.
         lag_cycles: An error that this many cycles of delay explain does not count.
+        use: Judges whether the learned model is used at all; None for one without lag and noise.
     """
 
-    def __init__(self, first: LearnedModel, window_cycles: int, lag_cycles: int) -> None:
+    def __init__(
+        self,
+        first: LearnedModel,
+        window_cycles: int,
+        lag_cycles: int,
+        use: LearnedUse | None = None,
+    ) -> None:
         self.first, self.proven = first, LearnedModel.of(first)
         """The model from the identification, and the last model that has proved itself."""
         self._candidate = LearnedModel.of(first)  # in use at the start of the window
-        self.use = LearnedUse(window_cycles)
+        self.use = use or LearnedUse(window_cycles)
         """Whether the learned model is used at all."""
         self._window_cycles = window_cycles
         self._command = RecentRange(lag_cycles + 1)

@@ -31,7 +31,7 @@ def windows_to_change(subject: LearnedUse, learned: float, first: float) -> int 
     for window in range(1, 41):
         for k, noise in enumerate(rng.normal(0.0, NOISE, WINDOW).tolist()):
             swings = np.sqrt(2.0) * np.sin(0.05 * k)
-            if subject.add(noise + learned * swings, noise + first * swings):
+            if subject.add(noise + learned * swings, noise + first * swings, 0.0, 0.0, 0.0):
                 return window
     return None
 
@@ -66,7 +66,71 @@ def test_errors_that_are_not_finite_do_not_count() -> None:
     """They are those of samples from which nothing was learned."""
     subject = LearnedUse(WINDOW)
     for _ in range(10 * WINDOW):
-        assert not subject.add(float("nan"), 0.0)
+        assert not subject.add(float("nan"), 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("learned", "of_lag", "of_noise", "used"),
+    [
+        (0.004, 0.003**2, 0.0, True),
+        (0.002, 0.003**2, 0.0, False),
+        (0.0008, 0.0, 0.002**2, True),
+        (0.0003, 0.0, 0.002**2, False),
+        (0.0006, 0.0, 0.002**2, True),  # of large noise less is learned
+        (1e-4, 1.9e-4**2, 0.0, True),  # below what makes a difference
+    ],
+)
+def test_difference_that_lag_and_noise_explain_is_not_used(
+    learned: float, of_lag: float, of_noise: float, used: bool
+) -> None:
+    """Even if it makes the measured error zero: the samples may show what the stage does not do."""
+    subject, rng = LearnedUse(WINDOW, 0.1), np.random.default_rng(1)
+    for noise in rng.normal(0.0, NOISE, 4 * WINDOW).tolist():
+        subject.add(noise, noise + learned, of_lag, of_noise, 0.0)
+
+    assert subject.used == used
+
+
+def test_model_that_differs_by_more_after_a_while_is_used() -> None:
+    """Clearly more: near the limit it would come and go."""
+    subject = LearnedUse(WINDOW)
+    changes = [
+        subject.add(0.0, difference, 0.003**2, 0.0, 0.0)
+        for difference in np.linspace(0, 0.02, 9000)
+    ]
+
+    assert sum(changes) == 2
+    assert subject.used
+
+
+@pytest.mark.parametrize(
+    ("lag_cycles", "beside", "used"),
+    [(0.4, 0.0, False), (0.7, 0.0, True), (0.4, 0.01, True), (-0.4, 0.0, False)],
+)
+def test_lag_that_samples_do_not_tell_makes_no_difference(
+    lag_cycles: float, beside: float, used: bool
+) -> None:
+    """In addition to it, another difference counts."""
+    subject = LearnedUse(WINDOW, 0.0, 0.5)
+    for k in range(4 * WINDOW):
+        position, change = 0.3 * np.sin(0.05 * k), 0.015 * np.cos(0.05 * k)
+        difference = lag_cycles * change + beside * position
+        subject.add(0.0, difference, 1e-6, 0.0, change)
+
+    assert subject.used == used
+
+
+def test_lag_changes_the_displacement_with_speed_and_its_change() -> None:
+    """A tenth of the way of a cycle, and the whole change of that way."""
+    adaptation = NLMSIdentifier(BANK, gain=0.5)
+    adaptation.adopt(WEIGHTS)
+    errors = ModelErrors(FORM, LearnedModel(WEIGHTS.copy()), adaptation, None)
+    of_lag = []
+    for drive in (0.5, 0.5, 0.51, 0.52, 0.51):
+        errors.follow(drive, 0.5, 0.0)
+        of_lag.append(errors.of_lag)
+
+    assert of_lag == pytest.approx([0.0, 0.0, 1.01e-4, 1e-6, 4.01e-4])
 
 
 def axis_of(reference: Callable[[float], float], mode: Mode) -> CompensatedAxis:

@@ -242,9 +242,12 @@ def test_voltage_of_another_cycle_moves_nothing(request_: rq.Request) -> None:
     """Whether the stage follows a command or drives voltages itself: they keep their instant."""
     stage = CommandedStage()
     stage.cycle()
-    for request in (rq.Arm(), rq.Goto(position_um=12.0), request_):
+    for request in (rq.Arm(), rq.Goto(position_um=12.0)):
         assert stage.command(PEOPLE[0], request)
-        stage.cycle()
+        for _ in range(5):  # far enough from rest, so that it is not there within a cycle
+            stage.cycle()
+    assert stage.command(PEOPLE[0], request_)
+    stage.cycle()
     before_v = stage.x.drive_v
     stage.run_broken_law(before_v + 1.0, 1, 1)
 

@@ -1,24 +1,18 @@
 """The conformance script for boards: it passes on our firmware, and fails on one with a mistake."""
 
-import importlib.util
 import shutil
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Final
 
 import pytest
 
 from piezod_drivers.serial_line.piezo_board.emulation.build import build, sources
 from piezod_drivers.serial_line.piezo_board.emulator import BoardEmulator
+from tests.drivers.serial_line.board_conformance import EmulatedPort, script
 from tests.drivers.serial_line.board_play_bench import needs_board
 from tests.drivers.serial_line.linear_rig import bench
-from tests.drivers.serial_line.scripted_line import MS
 
 pytestmark = needs_board
-SCRIPT: Final = Path(__file__).parents[3] / "firmware" / "conformance.py"
-STEP_NS: Final = 10 * MS
-
 GUARD: Final = """if (player_state() != PLAYER_ON)
         return player_state() == PLAYER_OFF ? OFF : BUSY;
     if (!fits"""
@@ -69,57 +63,22 @@ MISTAKES: Final = {
 QUICK: Final = {"a record begins a point late", "nothing leads to the safe value"}
 
 
-@pytest.fixture(scope="module")
-def script() -> ModuleType:
-    """Return the script as a module."""
-    spec = importlib.util.spec_from_file_location("conformance", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["conformance"] = module
-    spec.loader.exec_module(module)
-    return module
+def port(folder: Path | None) -> EmulatedPort:
+    """Return the line to a board with piezod's firmware, or with that of a folder."""
+    rig, _, time = bench()
+    return EmulatedPort(BoardEmulator(rig, "", build(folder)), time)
 
 
-class EmulatedPort:
-    """The line to an emulated board, in virtual time."""
-
-    def __init__(self, folder: Path | None) -> None:
-        rig, _, self._time = bench()
-        self._board = BoardEmulator(rig, "", build(folder))
-        self._got = b""
-        self.wait(0.01)  # the firmware starts
-
-    def write(self, data: bytes) -> None:
-        """Send bytes."""
-        self._got += b"".join(self._board.receive(data))
-
-    def read(self, most: int) -> bytes:
-        """Return received bytes; wait for up to a second."""
-        for _ in range(100):
-            if len(self._got) >= most:
-                break
-            self.wait(0.01)
-        found, self._got = self._got[:most], self._got[most:]
-        return found
-
-    def wait(self, seconds: float) -> None:
-        """Let time pass."""
-        for _ in range(max(round(seconds * 1e9) // STEP_NS, 1)):
-            self._time.t_ns += STEP_NS
-            self._got += b"".join(self._board.due())
-
-
-def test_our_firmware_conforms(script: ModuleType) -> None:
+def test_our_firmware_conforms() -> None:
     """Every check passes."""
-    assert script.failures(EmulatedPort(None)) == []
+    assert script().failures(port(None)) == []
 
 
 @pytest.mark.parametrize(
     "mistake",
     [pytest.param(each, marks=[] if each in QUICK else pytest.mark.stress) for each in MISTAKES],
 )
-def test_a_mistake_is_found(script: ModuleType, mistake: str, tmp_path: Path) -> None:
+def test_a_mistake_is_found(mistake: str, tmp_path: Path) -> None:
     """A firmware with one mistake fails a check."""
     name, right, wrong = MISTAKES[mistake]
     folder = tmp_path / "player"
@@ -128,4 +87,4 @@ def test_a_mistake_is_found(script: ModuleType, mistake: str, tmp_path: Path) ->
     text = file.read_text(encoding="utf-8")
     assert text.count(right) == 1
     file.write_text(text.replace(right, wrong), encoding="utf-8")
-    assert script.failures(EmulatedPort(folder)) != []
+    assert script().failures(port(folder)) != []

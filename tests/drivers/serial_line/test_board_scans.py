@@ -60,7 +60,7 @@ class TrueBoard(BoardEmulator):
 
     def _sense(self, channel: int, cycle: int) -> int:
         code = super()._sense(channel, cycle)
-        if self.processor.plays and channel == 0:
+        if self.processor.plays and channel == 1:  # sampled once for each point
             self.true_um.append(tuple(self._rig.true_position_um(self._ns_of(cycle))[::2]))
         return code
 

@@ -31,7 +31,7 @@ class Seen(ctypes.Structure):
     points: int  #: Pulses of the lines.
     lines: int
     frames: int
-    bad_frames: int  #: Frames that the DAC has not understood.
+    bad_frames: int  #: Frames that the DAC has not understood, and two ADCs that speak at a time.
     sets: int  #: Times that an output was set.
     shortest: int  #: Cycles between two points of a play.
     longest: int
@@ -86,8 +86,14 @@ class Processor:
         self._library.board_forget(self._board)
 
     def run(self, until: int, *, until_idle: bool = False) -> None:
-        """Run until a cycle, or until the firmware has taken all bytes and sleeps."""
-        self._library.board_run(self._board, until, int(until_idle))
+        """Run until a cycle, or until the firmware has taken all bytes and sleeps.
+
+        Raises:
+            DeviceUnavailableError: If the firmware has crashed, or sleeps for ever.
+        """
+        if not self._library.board_run(self._board, until, int(until_idle)):
+            what = "crashed, or sleeps without interrupts"
+            raise DeviceUnavailableError(f"the firmware has {what}, at cycle {self.cycle}")
 
     def feed(self, data: bytes) -> None:
         """Put bytes on the line to the board."""
