@@ -8,6 +8,7 @@ import yaml
 
 from piezod.config.experiment import load_experiment
 from piezod.devices import registry
+from tests.experiment.beyond import experiment_of, small_loops
 
 EXPERIMENTS = Path(__file__).parents[2] / "config" / "experiments"
 VARIANTS = {
@@ -55,3 +56,10 @@ def test_the_uncalibrated_sensor_gets_the_same_numbers() -> None:
         assert uncalibrated[key] == stack[key]
     for one, other in zip(uncalibrated["cases"], stack["cases"], strict=True):
         assert one["command_um"] == other["command_um"]
+
+
+def test_small_loops_are_an_experiment() -> None:
+    """Loops of 2, 5 and 10 % of the travel, at three heights, for the tables of small loops."""
+    config = small_loops(experiment_of("stack"))
+
+    assert [case.name for case in config.cases] == ["0.6 µm", "1.5 µm", "3 µm"]

@@ -110,7 +110,7 @@ def small_loops(config: ExperimentConfig) -> ExperimentConfig:
     cases = []
     for height_um, swing_um in ((4.0, 0.6), (18.0, 1.5), (10.0, 3.0)):
         parts = (
-            {"kind": "points", "points": [(0.0, 0.0), (2.0, height_um)]},
+            {"kind": "points", "points": ((0.0, 0.0), (2.0, height_um))},
             {"kind": "sine", "low": 0.0, "high": swing_um, "frequency_hz": 1.0},
         )
         update = {
