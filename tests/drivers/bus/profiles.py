@@ -148,7 +148,6 @@ PROFILES = (
         Wiring.both(("1", "2")),
         Tcp({"axes": ("1", "2")}),
         ("--axes", "2"),
-        takes_long=True,
     ),
     Profile(
         "mdt693a",
@@ -214,13 +213,7 @@ PROFILES = (
         takes_long=True,
     ),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"}), takes_long=True),
-    Profile(
-        "psj-nv200-tcp",
-        "psj",
-        Wiring.both(("ch0",)),
-        Tcp({"profile": "nv200"}),
-        takes_long=True,
-    ),
+    Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),
     # Only where the compilers and simavr are: the emulated board is the compiled firmware.
     *(
         ()
