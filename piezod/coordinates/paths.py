@@ -26,13 +26,14 @@ def outside(point: Vector, low: Vector, high: Vector) -> int | None:
 def share_within(start: Vector, step: Vector, low: Vector, high: Vector) -> float:
     """Return the share of a step, 0 to 1, that stays within limits: all coordinates stop together.
 
-    Real-time safe. A coordinate that is beyond a limit may go back, not farther.
+    Real-time safe. A coordinate that is beyond a limit may go back, not farther. One that a step is
+    too small to change limits nothing.
     """
     share = 1.0
     for value, way, least, most in zip(start, step, low, high, strict=True):
-        if way > 0.0:
+        if value + way > value:
             share = min(share, max(most - value, 0.0) / way)
-        elif way < 0.0:
+        elif value + way < value:
             share = min(share, max(value - least, 0.0) / -way)
     return share
 
