@@ -128,11 +128,12 @@ class PlayedScan:
     def _too_large(self, table: ScanTable) -> str:
         """Return why a scan does not fit into the device, or waits too often; empty if it fits."""
         if table.edges is None:
-            before, room = table.run_up_points, self._room(table, table.run_up_points)
+            run_up = table.run_up_points
+            room = self._room(table, run_up)
             if table.points <= room:
                 return ""
             return (
-                f"behind a run-up of {before} points the device has room for {room} points of "
+                f"behind a run-up of {run_up} points the device has room for {room} points of "
                 f"each axis, a sweep has {table.points}: choose a longer interval"
             )
         room = self._memory(table)
@@ -175,10 +176,11 @@ class PlayedScan:
         fit with a sweep, what comes before the pause is played in blocks of its own.
         """
         first, room = 0, self._room(table, len(table.lead_in_v))
+        later = self._room(table, table.run_up_points)
         if not self._begins_with_lead_in(table):
-            first, room = -table.points_from_pause, self._room(table, table.run_up_points)
+            first, room = -table.points_from_pause, later
             most = min(self._table_points(table), MOST_BLOCK_POINTS)
-            for begin in range(first - len(table.before_pause()), first, most):
+            for begin in range(-table.points_before, first, most):
                 yield ScanBlock(begin, min(begin + most, first))
         if table.edges is not None:
             yield ScanBlock(first, table.n_rows)
@@ -189,15 +191,13 @@ class PlayedScan:
             if first + room >= table.n_rows:
                 end = table.n_rows
             yield ScanBlock(first, end)
-            first, room = end, self._room(table, table.run_up_points)
+            first, room = end, later
 
     def columns(self, table: ScanTable, block: ScanBlock) -> list[AxisTable]:
         """Return the table of each axis in a block, for the guard."""
         lead_in = table.lead_in_v[:0]
         if block.is_before:
-            before = table.before_pause()
-            behind = len(before) + table.points_from_pause
-            rows = before[block.first + behind : block.end + behind]
+            rows = table.before(*block)
         else:
             rows = table.rows(*block)
             if block.first == 0 and self._begins_with_lead_in(table):

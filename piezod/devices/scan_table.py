@@ -69,16 +69,19 @@ class ScanTable(NamedTuple):
             rows = self.rows(min(first, last - 1), last)
             return np.concatenate((rows, np.repeat(rows[-1:], end - last, axis=0)))[first - end :]
         begin = first // m
-        of = np.arange(begin, -(-end // m))
-        k = np.maximum(of, 0)  # before the first sweep they are at its offset
-        after = np.where(of < 0, 0, np.minimum(k + 1, self.sweeps - 1))
-        lines = self.line_v.reshape(-1, m, axes)[of % (len(self.line_v) // m)]
-        offset, scale = (
-            value[k, None] + (value[after] - value[k])[:, None] * self.blend
-            for value in (self.offset_v, self.scale)
-        )
+        sweeps = np.arange(begin, -(-end // m))
+        lines = self.line_v.reshape(-1, m, axes)[sweeps % (len(self.line_v) // m)]
+        offset, scale = self._levels(sweeps[:, None], self.blend)
         rows = (offset + scale * lines).reshape(-1, axes)
         return np.asarray(rows[first - begin * m : end - begin * m])
+
+    def _levels(self, sweep: npt.NDArray[np.int64], blend: FloatArray) -> list[FloatArray]:
+        """Return offset and scale on the way to the next sweep; before the first one, its own."""
+        here, after = (np.clip(sweep + k, 0, self.sweeps - 1) for k in (0, 1))
+        return [
+            np.asarray(value[here] + (value[after] - value[here]) * blend)
+            for value in (self.offset_v, self.scale)
+        ]
 
     @property
     def run_up_points(self) -> int:
@@ -90,13 +93,9 @@ class ScanTable(NamedTuple):
 
         It brings a stage that has waited there to the motion before the wait.
         """
-        n = self.run_up_points
-        k, after = max(first // self.points, 0), min(first // self.points + 1, self.sweeps - 1)
-        blend = self.blend[first % self.points]
-        offset, scale = (
-            value[k] + (value[after] - value[k]) * blend for value in (self.offset_v, self.scale)
-        )
-        lines = self.line_v[np.arange(first - n, first) % len(self.line_v)]
+        sweep, point = divmod(first, self.points)
+        offset, scale = self._levels(np.array(sweep), self.blend[point])
+        lines = self.line_v[np.arange(first - self.run_up_points, first) % len(self.line_v)]
         return np.asarray(offset + scale * lines)
 
     @property
@@ -104,10 +103,20 @@ class ScanTable(NamedTuple):
         """Points between the pause before the first sweep and that sweep; 0 if no line moves."""
         return self.points - self.pause if self.run_up_points else 0
 
-    def before_pause(self) -> FloatArray:
-        """Return what brings a stage to the pause before the first sweep, shape (n, axes), in V."""
+    @property
+    def points_before(self) -> int:
+        """Points of the lead-in and a run-up, which bring a stage to the first sweep."""
+        return len(self.lead_in_v) + self.run_up_points
+
+    def before(self, first: int, end: int) -> FloatArray:
+        """Return voltages of these points, shape (end - first, axes), in V.
+
+        Args:
+            first: Index of the first one, from `-points_before` on: 0 is that of the first sweep.
+            end: Index behind the last one, at most 0.
+        """
         rows = np.concatenate((self.lead_in_v, self.run_up(0)))
-        return rows[: len(rows) - self.points_from_pause]
+        return rows[len(rows) + first : len(rows) + end]
 
     def masks(self, first: int, end: int) -> Mask:
         """Return the pulses at points, shape (end - first,); empty without pulses."""

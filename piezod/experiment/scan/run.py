@@ -194,18 +194,15 @@ def _learned_line(
     task = known[plan.axes[0]].task(command, settings, first_um)
     try:
         learned = learn(axis.stage, task, told.line)
-    except BadRecordError as error:
-        if error.flaw is not Flaw.SHORT:
+    except (BadRecordError, DeviceError, RefusedError) as error:
+        if isinstance(error, BadRecordError) and error.flaw is not Flaw.SHORT:
             raise
-        why = f"{error}"
-    except (DeviceError, RefusedError) as error:  # of another cause it comes again with the frame
-        why = f"{error}"
-    else:
-        if tables is not None:
-            told.note(f"stored as {store_table(tables, learned, axis.conditions)}")
-        return learned
-    told.note(f"the line is not learned alone, but in the frames: {why}")
-    return None
+        # An error of another cause comes again with the frame.
+        told.note(f"the line is not learned alone, but in the frames: {error}")
+        return None
+    if tables is not None:
+        told.note(f"stored as {store_table(tables, learned, axis.conditions)}")
+    return learned
 
 
 def store_frame(

@@ -108,7 +108,6 @@ def scan_virtually(
     with opened(config, lambda _: None) as stage:
         with or_by_loop():
             played = stage.played_scan(names)
-        played = stage.played_scan(names)
         check_edges(scan, played.capabilities.edge_waits)
         identified = identify_axes(stage, config)
         planned = {

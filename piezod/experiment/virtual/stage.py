@@ -209,12 +209,13 @@ class VirtualStage:
         player.arm()
         player.start(self.now_ns)
         duration_ns = loaded.duration_ns + loaded.interval_ns  # a device may start a point later
+        step_ns = -(-duration_ns // self.period_ns) * self.period_ns
         last_ns = self.now_ns + most_ns
-        self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
+        self.now_ns += step_ns
         while (progress := player.progress(self.now_ns)).state is PlayState.PLAYING:
             if self.now_ns > last_ns:
                 break
-            self.now_ns += -(-duration_ns // self.period_ns) * self.period_ns
+            self.now_ns += step_ns
         if progress.state is not PlayState.ENDED:
             player.abort(self.now_ns)
             why = progress.reason or f"it is {progress.state.value} after its duration"
