@@ -14,7 +14,6 @@ from ophyd_async.core import (
     Callback,
     DeviceMock,
     SignalMetadata,
-    SignalR,
     StandardReadable,
     WatchableAsyncStatus,
     WatcherUpdate,
@@ -28,8 +27,7 @@ from ophyd_async.core import StandardReadableFormat as Format
 from piezod.bluesky.connected_stage import ConnectedStage
 from piezod.bluesky.motion import move_to
 from piezod.bluesky.recorded import Column
-from piezod.bluesky.signals import SignalSource, movable, readable
-from piezod.client.facts import AxisFacts
+from piezod.bluesky.signals import SignalSource, configured, movable, readable
 from piezod.errors import NotReachedError, RefusedError
 from piezod.messages.shown import unit_of
 
@@ -107,9 +105,9 @@ class PiezoAxis(
                     lambda interval: interval.axes[axis].mode,
                 ),
             )
-            self.speed = self._configured("speed_um", lambda facts: facts.speed_um_per_s, "/s")
-            self.low_limit = self._configured("low_limit_um", lambda facts: facts.range_um[0])
-            self.high_limit = self._configured("high_limit_um", lambda facts: facts.range_um[1])
+            self.speed, self._set_speed = configured()
+            self.low_limit, self._set_low_limit = configured()
+            self.high_limit, self._set_high_limit = configured()
         target = SignalSource(
             f"{axis}/target_um",
             float,
@@ -241,6 +239,16 @@ class PiezoAxis(
             )
         ]
 
+    def set_limits(self) -> None:
+        """Take the limits from the configuration in force."""
+        facts, unit = self._link.facts[self._axis], unit_of("position_um", self._unit)
+        self._set_speed(
+            facts.speed_um_per_s, SignalMetadata(units=f"{unit.ascii}/s", precision=unit.fine)
+        )
+        position = SignalMetadata(units=unit.ascii, precision=unit.fine)
+        self._set_low_limit(facts.range_um[0], position)
+        self._set_high_limit(facts.range_um[1], position)
+
     def _measured(self, quantity: str) -> SignalSource[float]:
         return SignalSource(
             f"{self._axis}/{quantity}",
@@ -249,19 +257,6 @@ class PiezoAxis(
             lambda interval: getattr(interval.axes[self._axis], quantity).last,
             self._metadata(quantity),
         )
-
-    def _configured(
-        self, quantity: str, of: Callable[[AxisFacts], float], per: str = ""
-    ) -> SignalR[float]:
-        def value(_now: object) -> float:
-            return of(self._link.facts[self._axis])
-
-        def metadata() -> SignalMetadata:
-            unit = unit_of(quantity, self._unit)
-            return SignalMetadata(units=unit.ascii + per, precision=unit.fine)
-
-        path = f"{self._axis}/{quantity}"
-        return readable(self._link, SignalSource(path, float, value, value, metadata))
 
     @property
     def _unit(self) -> str:

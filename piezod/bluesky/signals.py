@@ -14,6 +14,7 @@ from ophyd_async.core import (
     SignalMetadata,
     SignalR,
     SignalRW,
+    SoftSignalBackend,
     make_datakey,
 )
 
@@ -128,6 +129,17 @@ class StageBackend(SignalBackend[ValueT]):
 def readable(link: ConnectedStage, source: SignalSource[ValueT]) -> SignalR[ValueT]:
     """Return a signal that can be read and monitored."""
     return SignalR(StageBackend(link, source))
+
+
+def configured() -> tuple[SignalR[float], Callable[[float, SignalMetadata], None]]:
+    """Return a signal with a number of the configuration in force, and what sets it."""
+    backend = SoftSignalBackend(float)
+
+    def put(value: float, metadata: SignalMetadata) -> None:
+        backend.metadata = metadata
+        backend.set_value(value)
+
+    return SignalR(backend), put
 
 
 def movable(

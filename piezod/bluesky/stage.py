@@ -44,6 +44,8 @@ class StageConnector(DeviceConnector):
             await self._link.close()
             why = str(error) or f"{self._link.title}: the daemon does not answer in time"
             raise NotConnectedError(why) from error
+        for axis in self._axes.values():
+            axis.set_limits()
         await super().connect_real(device, timeout, force_reconnect)
 
 
@@ -169,6 +171,8 @@ class PiezoStage(StandardReadable):
     async def _make_ready(self) -> None:
         link = self.link
         await link.read_facts()
+        for axis in self.axes.values():
+            axis.set_limits()
         await link.mover.go_on()
         state = (await link.mirror.status()).state
         if state == State.SAFE and self._arm:
