@@ -111,7 +111,6 @@ class Piped(Forked):
         self.stdout = os.fdopen(stdout_fd, encoding="utf-8")
 
 
-
 class ForkedGuardian(Piped):
     """The guardian of a command in this process."""
 
