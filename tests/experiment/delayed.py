@@ -9,6 +9,7 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import Sequence
+from piezod.control.law.compensated import in_loop
 from piezod.experiment.virtual.case import run_case
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.identify import IdentifiedAxis, identify_axes
@@ -86,7 +87,7 @@ def errors_of(config: ExperimentConfig, identified_hz: float | None = None) -> E
     before = config.model_copy(update={"rate_hz": identified_hz or config.rate_hz})
     with opened(before, _tell_nobody) as stage:
         axis = identify_axes(stage, before)["x"]
-    axis = replace(axis, model=axis.model.at(1.0 / config.rate_hz))
+    axis = replace(axis, model=in_loop(axis.config, axis.model, None, 1.0 / config.rate_hz))
     worst_pct = {}
     for mode in config.modes:
         for case, error_pct in _run(config, axis, mode).items():
