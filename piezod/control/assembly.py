@@ -9,7 +9,7 @@ from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.control.controller import StageController
 from piezod.control.faults.register import FaultRegister
-from piezod.control.law.compensated import Start, compensated_axis
+from piezod.control.law.compensated import Start, compensated_axis, in_loop
 from piezod.control.law.gains import check_gains, prefix_errors
 from piezod.control.law.model import StageModel, unidentified_form, with_found_mode
 from piezod.control.law.model_files import from_model_file, read_model
@@ -172,8 +172,8 @@ def _build_axis(
 ) -> WatchedAxis:
     """Return an axis and its watches."""
     period_ns = round(NS_PER_S / config.rate_hz)
-    model = model and model.at(period_ns / NS_PER_S)
     axis = with_found_mode(config.axes[name], model)
+    model = model and in_loop(axis, model, None, period_ns / NS_PER_S)
     law_model = model or _proportional_model(axis)
     mode = config.mode if model else Mode.UNCOMPENSATED
     creep = law_model.at_rest(axis.limits.rest_v, period_ns / NS_PER_S)

@@ -14,6 +14,7 @@ from piezod.config.modes import CORRECTED, Mode
 from piezod.config.response_file import ResponseFile, load_response
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.assembly import check_stage, stage_warnings
+from piezod.control.law.compensated import in_loop
 from piezod.control.law.gains import check_gains
 from piezod.control.law.learned_share import learned_share
 from piezod.control.law.model import unidentified_form, with_found_mode
@@ -197,7 +198,7 @@ def _unknown_modes(
             share = learned_share(axis.compensator, form)
             slow_hz[Mode.ADAPTIVE] = slowest_unknown_mode_hz(period_s, _ASSUMED_DAMPING, share)
         if Mode.TRIMMED in modes:
-            delay_s = model.at(period_s).delay_s if model is not None else 0.0
+            delay_s = in_loop(axis, model, None, period_s).delay_s if model is not None else 0.0
             slow_hz[Mode.TRIMMED] = slowest_untold_mode_hz(
                 Mode.TRIMMED, axis, period_s, delay_s, _ASSUMED_DAMPING
             )

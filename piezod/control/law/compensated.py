@@ -22,7 +22,7 @@ from piezod.control.law.held_delay import shown_share, stage_delay
 from piezod.control.law.identifier import Identifier, LearningGate
 from piezod.control.law.learned_models import LearnedBound, LearnedUse, ModelErrors, ModelProof
 from piezod.control.law.learned_share import learned_share
-from piezod.control.law.model import StageModel
+from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.pace import FOLLOWED_SHARE, learning_pace
 from piezod.control.law.trim import NotchedTrim, Trim
 from piezod.control.law.trim_gains import check_feedback, feedback_law
@@ -62,6 +62,9 @@ PROOF_WINDOW_S = 1.0
 """The tracking error with the learned model is judged after this time of following a command."""
 UNSEEN_LAG_CYCLES = 0.5
 """Largest lag of samples that says nothing about a stage whose mode rings between them."""
+FASTER = 0.9
+"""Share of the period of its identification up to which that of a loop is clearly shorter: the
+period of a record is a mean of its times."""
 LAG_CYCLES = 3
 """Delay beyond that of the stage that explains a tracking error, in cycles: hold, mode, rounding of
 corners."""
@@ -189,15 +192,16 @@ def in_loop(
     config: AxisConfig, model: StageModel, dynamics: StageDynamics | None, period_s: float
 ) -> StageModel:
     """Return the model of an axis for a loop with this period, in s."""
-    held_s, model = model.held_s, model.at(period_s)
+    held_s, mode = model.held_s, with_found_mode(config, model).first_mode
+    model = model.at(period_s)
     if dynamics is not None:
         # The delay of a response is more accurate: an identification's is of slow motion only.
         return replace(model, delay_s=dynamics.delay_s)
-    if held_s in {None, period_s}:
+    if held_s is None or period_s > FASTER * held_s:
         return model
     # In a slower loop a mode that rings hides the delay of the sensor; but no stage is early.
     sensor_delay_s = config.compensator.sensor_delay_s
-    least_s = sensor_delay_s + stage_delay(-inf, sensor_delay_s, period_s, config.first_mode)
+    least_s = sensor_delay_s + stage_delay(-inf, sensor_delay_s, period_s, mode)
     return replace(model, delay_s=max(model.delay_s, least_s))
 
 

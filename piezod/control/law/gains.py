@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import CORRECTED, Mode
-from piezod.control.law.compensated import check_identifier
+from piezod.control.law.compensated import check_identifier, in_loop
 from piezod.control.law.model import unidentified_form, with_found_mode
 from piezod.control.law.model_files import read_model
 from piezod.control.law.trim_gains import check_feedback
@@ -32,7 +32,7 @@ def check_gains(axes: Mapping[str, AxisConfig], period_s: float, modes: Collecti
     """
     for name, axis in axes.items():
         if axis.model is not None:
-            model = read_model(axis.model)[0].at(period_s)
+            model = in_loop(axis, read_model(axis.model)[0], None, period_s)
             properties = LoopProperties(model.form, model.delay_s, period_s)
             check_axis_gains(name, with_found_mode(axis, model), properties, modes)
             continue

@@ -10,7 +10,7 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
-from piezod.control.law.compensated import learning_modes
+from piezod.control.law.compensated import in_loop, learning_modes
 from piezod.control.law.gains import prefix_errors
 from piezod.control.law.model import StageModel
 from piezod.errors import DataError
@@ -86,7 +86,8 @@ def replay_recording(
     recorded = recorded_axis(telemetry, axis)
     modes = modes_to_replay(recorded, mode)
     with prefix_errors(axis):
-        model = model.zeroed_at(config.limits.rest_v)
+        zeroed = model.zeroed_at(config.limits.rest_v)
+    model = in_loop(config, zeroed, None, 1.0 / telemetry.header.rate_hz)
     if learned:
         model = _with_recorded_weights(model, telemetry, axis, config, str(modes[0]))
     stand_in, stand_in_um = _stand_in(path, axis, model)

@@ -71,3 +71,15 @@ def test_a_sensor_is_not_early_in_a_faster_loop(found_s: float) -> None:
     assert 0.5e-4 < in_loop(known, model, None, 1e-4).delay_s < 1.3e-4
     assert in_loop(unknown, model, None, 1e-4).delay_s == model.at(1e-4).delay_s
     assert in_loop(known, model, None, 1e-3).delay_s == found_s
+
+
+@pytest.mark.parametrize("held_s", [1e-3 * (1.0 + 1e-12), 1.0002e-3, 0.9998e-3])
+def test_delay_is_that_of_the_record_in_a_loop_of_its_rate(held_s: float) -> None:
+    """The period of a record is a mean of times, and hardly ever that of the loop to the bit."""
+    axis = shipped_config().axes["x"]
+    assert axis.model is not None
+    model = replace(read_model(axis.model)[0], delay_s=-7.4e-4, held_s=held_s)
+    sensor = axis.compensator.model_copy(update={"sensor_delay_s": 1.3e-4})
+    known = axis.model_copy(update={"compensator": sensor})
+
+    assert in_loop(known, model, None, 1e-3).delay_s == pytest.approx(-7.4e-4, abs=1e-6)

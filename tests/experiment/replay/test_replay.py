@@ -128,6 +128,19 @@ def test_worse_model_is_told_apart(recording: Path) -> None:
     )
 
 
+def test_model_of_another_rate_stands_in_with_the_delay_at_that_of_the_recording(
+    recording: Path,
+) -> None:
+    """Its own delay holds in a loop of its own rate only."""
+    model = shipped_model()
+    assert model.held_s != 1.0 / RATE_HZ
+    of_another, of_this = (
+        replayed(recording, Mode.FEEDFORWARD, each) for each in (model, model.at(1.0 / RATE_HZ))
+    )
+
+    assert np.array_equal(of_another.replay.position_um, of_this.replay.position_um, equal_nan=True)
+
+
 def test_stand_in_at_the_recorded_voltage_is_the_record() -> None:
     """At the same voltages nothing is added, whatever the delay; at others what the model says."""
     model = shipped_model()
