@@ -30,6 +30,7 @@ from piezod.units import NS_PER_S
 CONFIG = Path(__file__).parents[1] / "config"
 RATE_HZ = 1000.0
 SLOW_HZ = 0.25
+LAG_S = 0.005
 MIDDLE = {"x": 12.5, "y": 12.5}
 POINTS = (
     {"z": 12.5},
@@ -99,9 +100,9 @@ class VirtualRig:
         return Trace(*({n: columns[:, i, k] for i, n in enumerate(names)} for k in range(4)))
 
 
-def sine(low: float, high: float, phase_deg: float = 0.0) -> Multisine:
-    """Return a slow sine."""
-    part = Component(amplitude=(high - low) / 2, frequency_hz=SLOW_HZ, phase_deg=phase_deg)
+def sine(low: float, high: float, phase_deg: float = 0.0, hz: float = SLOW_HZ) -> Multisine:
+    """Return a sine, by default a slow one."""
+    part = Component(amplitude=(high - low) / 2, frequency_hz=hz, phase_deg=phase_deg)
     return Multisine(kind="multisine", low=low, components=(part,))
 
 
@@ -119,12 +120,13 @@ def swung(config: DaemonConfig, start: Mapping[str, float], **waves: Multisine) 
     )
 
 
-def coupling_of(config: DaemonConfig) -> CouplingFile:
+def coupling_of(config: DaemonConfig, hz: float = SLOW_HZ) -> CouplingFile:
     """Return the coupling that `piezod identify --coupling` finds, from a record of a stage."""
     rig = VirtualRig(config.model_copy(update={"transform": None}))
     parts = []
     for name in config.axes:
-        lasts_s = rig.ask(rq.Wave(command_um={name: sine(2.0, 24.0)}, duration_s=2 / SLOW_HZ))
+        wave = sine(2.0, 24.0, hz=hz)
+        lasts_s = rig.ask(rq.Wave(command_um={name: wave}, duration_s=2 / SLOW_HZ))
         parts.append(rig.run(lasts_s + 0.5))
     columns = {
         name: {
@@ -140,7 +142,8 @@ def coupling_of(config: DaemonConfig) -> CouplingFile:
     for pair in fitted.pairs:
         print(
             f"identified: {pair.moving} moves {pair.resting} by {100 * pair.share:.3f} ± "
-            f"{100 * pair.uncertainty:.3f} %, later by {1e3 * pair.lag_s:.2f} ms"
+            f"{100 * pair.uncertainty:.3f} %, later by {1e3 * pair.lag_s:.2f} ± "
+            f"{1e3 * pair.lag_uncertainty_s:.2f} ms"
         )
     return fitted.file("now")
 
@@ -174,6 +177,34 @@ def two_axes() -> None:
     )
 
 
+def late() -> None:
+    """Print the errors of two axes that move each other 5 ms later, at several frequencies."""
+    config = at_rate(CONFIG / "coupled.yaml")
+    if (transform := config.transform) is None:
+        raise SystemExit("coupled.yaml has no transform")
+    devices = {
+        name: device.model_copy(
+            update={"options": device.options.model_copy(update={"coupling_lag_s": LAG_S})}
+        )
+        for name, device in config.devices.items()
+    }
+    config = config.model_copy(update={"devices": devices})
+    coupling = coupling_of(config, 2.0)
+    for hz in (0.25, 1.0, 5.0, 10.0):
+        left = []
+        for used in (coupling.model_copy(update={"lags_s": {}}), coupling):
+            one = transform.model_copy(update={"coupling": used})
+            rig = VirtualRig(config.model_copy(update={"transform": one}))
+            rig.run(rig.ask(rq.Path(points=(MIDDLE,))) + 1.0)
+            wave = rq.Wave(command_um={"y": sine(7.0, 18.0, hz=hz)}, duration_s=16.0)
+            found = rig.run(rig.ask(wave))
+            left.append(100 * np.ptp(found.error("x")[-round(8 * RATE_HZ) :]) / 11.0)
+        print(
+            f"5 ms later, {hz:g} Hz: x at rest moves by {left[0]:.3f} % of the swing of y, "
+            f"with the lag by {left[1]:.3f} %"
+        )
+
+
 def table() -> None:
     """Print the errors of the table where it has arrived, in mode `trimmed`."""
     config = at_rate(CONFIG / "tip-tilt.yaml").model_copy(update={"mode": Mode.TRIMMED})
@@ -189,4 +220,5 @@ def table() -> None:
 
 if __name__ == "__main__":
     two_axes()
+    late()
     table()
