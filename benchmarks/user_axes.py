@@ -30,7 +30,7 @@ from piezod.units import NS_PER_S
 CONFIG = Path(__file__).parents[1] / "config"
 RATE_HZ = 1000.0
 SLOW_HZ = 0.25
-LAG_S = 0.005
+LAGS_S = (0.0, 0.0005, 0.005)
 MIDDLE = {"x": 12.5, "y": 12.5}
 POINTS = (
     {"z": 12.5},
@@ -166,29 +166,45 @@ def two_axes() -> None:
             found = swung(used, MIDDLE, **{moves: sine(2.0, 24.0)})
             error = np.ptp(found.error(still)) / 22.0
             print(f"{what}: {still} at rest moves by {100 * error:.3f} % of the swing of {moves}")
-    trimmed = used.model_copy(update={"mode": Mode.TRIMMED})
-    circle = swung(trimmed, MIDDLE, x=sine(7.0, 18.0, 90.0), y=sine(7.0, 18.0))
-    off = np.abs(np.hypot(circle.true["x"] - 12.5, circle.true["y"] - 12.5) - 5.5).max()
-    each = {name: np.abs(circle.error(name)).max() for name in ("x", "y")}
-    print(
-        f"circle of 11 µm, trimmed: contour error {off:.4f} µm, "
-        f"{off / max(each.values()):.2f} of that of the worse axis "
-        f"({', '.join(f'{name} {error:.4f} µm' for name, error in each.items())})"
-    )
+    for mode in (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED):
+        circle(used.model_copy(update={"mode": mode}))
+
+
+def circle(config: DaemonConfig) -> None:
+    """Print the contour error of a circle, also about its own centre, beside the worse axis."""
+    found = swung(config, MIDDLE, x=sine(7.0, 18.0, 90.0), y=sine(7.0, 18.0))
+    names = ("x", "y")
+    for centre, what in (
+        ([12.5, 12.5], str(config.mode)),
+        ([found.true[name].mean() for name in names], "about its own centre"),
+    ):
+        x_um, y_um = (found.true[n] - at for n, at in zip(names, centre, strict=True))
+        off = np.abs(np.hypot(x_um, y_um) - 5.5).max()
+        each = {n: found.error(n) + at - 12.5 for n, at in zip(names, centre, strict=True)}
+        worst = max(np.abs(error).max() for error in each.values())
+        print(
+            f"circle of 11 µm, {what}: contour error {off:.4f} µm, {off / worst:.2f} of that of "
+            f"the worse axis; means {', '.join(f'{e.mean():.4f}' for e in each.values())} µm"
+        )
 
 
 def late() -> None:
-    """Print the errors of two axes that move each other 5 ms later, at several frequencies."""
-    config = at_rate(CONFIG / "coupled.yaml")
+    """Print the errors of two axes that move each other later, at several frequencies."""
+    for lag_s in LAGS_S:
+        config = at_rate(CONFIG / "coupled.yaml")
+        devices = {
+            name: device.model_copy(
+                update={"options": device.options.model_copy(update={"coupling_lag_s": lag_s})}
+            )
+            for name, device in config.devices.items()
+        }
+        print(f"moved {1e3 * lag_s:g} ms later:")
+        _with_and_without_lag(config.model_copy(update={"devices": devices}))
+
+
+def _with_and_without_lag(config: DaemonConfig) -> None:
     if (transform := config.transform) is None:
         raise SystemExit("coupled.yaml has no transform")
-    devices = {
-        name: device.model_copy(
-            update={"options": device.options.model_copy(update={"coupling_lag_s": LAG_S})}
-        )
-        for name, device in config.devices.items()
-    }
-    config = config.model_copy(update={"devices": devices})
     coupling = coupling_of(config, 2.0)
     for hz in (0.25, 1.0, 5.0, 10.0):
         left = []
@@ -200,7 +216,7 @@ def late() -> None:
             found = rig.run(rig.ask(wave))
             left.append(100 * np.ptp(found.error("x")[-round(8 * RATE_HZ) :]) / 11.0)
         print(
-            f"5 ms later, {hz:g} Hz: x at rest moves by {left[0]:.3f} % of the swing of y, "
+            f"{hz:g} Hz: x at rest moves by {left[0]:.3f} % of the swing of y, "
             f"with the lag by {left[1]:.3f} %"
         )
 
