@@ -195,7 +195,7 @@ class _Families(Collector):
     def _by_unit(self, of_axes: Mapping[str, T]) -> Iterator[tuple[str, list[tuple[Labels, T]]]]:
         """Yield rows of the axes in each unit, which the names of metrics end in."""
         for unit, word in (("µm", "meters"), ("µrad", "radians")):
-            rows = [
+            rows: list[tuple[Labels, T]] = [
                 ((axis,), value)
                 for axis, value in of_axes.items()
                 if self._loop.config.unit(axis) == unit
