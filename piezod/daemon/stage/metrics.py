@@ -200,7 +200,7 @@ class _Families(Collector):
                 for axis, value in of_axes.items()
                 if self._loop.config.unit(axis) == unit
             ]
-            if rows:
+            if rows or unit == "µm":  # before the first cycle there are no rows
                 yield word, rows
 
     def _chosen(self, name: str) -> Rows:
