@@ -70,9 +70,22 @@ class VirtualRig:
         self._channels.activate(0)
         self._t_ns, self._period_ns = 0, round(NS_PER_S / config.rate_hz)
         self._controller = assemble(config, self._channels, self._channels.capabilities())
+        self._zero_um = [0.0] * len(config.axes)
         self.run(0.5)
         self.ask(rq.Zero())
         self.run(0.5)
+        self.ask(rq.Arm())
+        self.run(0.1)
+
+    def condition(self) -> None:
+        """Swing over the whole range, rest, and count positions from there."""
+        self.ask(rq.Condition())
+        self.run(60.0)
+        self.ask(rq.Stop())
+        self.run(12.0)
+        self.ask(rq.Zero())
+        self._zero_um = list(self._channels.true_position_um(self._t_ns))
+        self.run(1.0)
         self.ask(rq.Arm())
         self.run(0.1)
 
@@ -91,7 +104,8 @@ class VirtualRig:
         for _ in range(round(duration_s * self.config.rate_hz)):
             self._t_ns += self._period_ns
             record = self._controller.cycle(self._t_ns, _ON_TIME)
-            true = list(self._channels.true_position_um(self._t_ns))
+            true_um = self._channels.true_position_um(self._t_ns)
+            true = [um - zero for um, zero in zip(true_um, self._zero_um, strict=True)]
             if frame is not None:
                 true += frame.user(times(frame.from_sensors, true))
             each = zip(record.axes, true, strict=True)
@@ -106,9 +120,17 @@ def sine(low: float, high: float, phase_deg: float = 0.0, hz: float = SLOW_HZ) -
     return Multisine(kind="multisine", low=low, components=(part,))
 
 
-def swung(config: DaemonConfig, start: Mapping[str, float], **waves: Multisine) -> Trace:
+def swung(
+    config: DaemonConfig,
+    start: Mapping[str, float],
+    *,
+    conditioned: bool = False,
+    **waves: Multisine,
+) -> Trace:
     """Return the second period of waves that begin at a point."""
     rig = VirtualRig(config)
+    if conditioned:
+        rig.condition()
     if config.transform:
         rig.run(rig.ask(rq.Path(points=({**start},))) + 1.0)
     lasts_s = rig.ask(rq.Wave(command_um={**waves}, duration_s=2 / SLOW_HZ))
@@ -167,15 +189,17 @@ def two_axes() -> None:
             error = np.ptp(found.error(still)) / 22.0
             print(f"{what}: {still} at rest moves by {100 * error:.3f} % of the swing of {moves}")
     for mode in (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED):
-        circle(used.model_copy(update={"mode": mode}))
+        for conditioned in (False, True):
+            circle(used.model_copy(update={"mode": mode}), conditioned=conditioned)
 
 
-def circle(config: DaemonConfig) -> None:
+def circle(config: DaemonConfig, *, conditioned: bool) -> None:
     """Print the contour error of a circle, also about its own centre, beside the worse axis."""
-    found = swung(config, MIDDLE, x=sine(7.0, 18.0, 90.0), y=sine(7.0, 18.0))
+    waves = {"x": sine(7.0, 18.0, 90.0), "y": sine(7.0, 18.0)}
+    found = swung(config, MIDDLE, conditioned=conditioned, **waves)
     names = ("x", "y")
     for centre, what in (
-        ([12.5, 12.5], str(config.mode)),
+        ([12.5, 12.5], f"{config.mode}, {'conditioned' if conditioned else 'never moved'}"),
         ([found.true[name].mean() for name in names], "about its own centre"),
     ):
         x_um, y_um = (found.true[n] - at for n, at in zip(names, centre, strict=True))
