@@ -123,9 +123,9 @@ def sine(low: float, high: float, phase_deg: float = 0.0, hz: float = SLOW_HZ) -
 def swung(
     config: DaemonConfig,
     start: Mapping[str, float],
+    waves: Mapping[str, Multisine],
     *,
     conditioned: bool = False,
-    **waves: Multisine,
 ) -> Trace:
     """Return the second period of waves that begin at a point."""
     rig = VirtualRig(config)
@@ -185,7 +185,7 @@ def two_axes() -> None:
         used = config.model_copy(update={"transform": one})
         what = "without coupling" if coupling is None else "with coupling"
         for still, moves in (("x", "y"), ("y", "x")):
-            found = swung(used, MIDDLE, **{moves: sine(2.0, 24.0)})
+            found = swung(used, MIDDLE, {moves: sine(2.0, 24.0)})
             error = np.ptp(found.error(still)) / 22.0
             print(f"{what}: {still} at rest moves by {100 * error:.3f} % of the swing of {moves}")
     for mode in (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED):
@@ -196,7 +196,7 @@ def two_axes() -> None:
 def circle(config: DaemonConfig, *, conditioned: bool) -> None:
     """Print the contour error of a circle, also about its own centre, beside the worse axis."""
     waves = {"x": sine(7.0, 18.0, 90.0), "y": sine(7.0, 18.0)}
-    found = swung(config, MIDDLE, conditioned=conditioned, **waves)
+    found = swung(config, MIDDLE, waves, conditioned=conditioned)
     names = ("x", "y")
     for centre, what in (
         ([12.5, 12.5], f"{config.mode}, {'conditioned' if conditioned else 'never moved'}"),
