@@ -83,7 +83,8 @@ class SimulatedRig:
         outputs = len(self._wiring.outputs)
         self._player = TablePlayer(self._channels, outputs, self._inputs, self._options)
         if self._options.coupling:
-            self._coupling = RigCoupling(self._options.coupling, self._axes, self._inputs)
+            lag_ns = self._options.coupling_lag_s * NS_PER_S
+            self._coupling = RigCoupling(self._options.coupling, self._axes, self._inputs, lag_ns)
         self._origin_ns = None
         return Identity(
             maker="piezod",
@@ -138,6 +139,7 @@ class SimulatedRig:
         ]
         if self._coupling is None:
             return own
+        self._coupling.advance([each.plant.true_displacement_um for each in self._channels], t_ns)
         return self._coupling.samples(own, [_sample(each, "", now_ns) for each in self._channels])
 
     def _counted(self, now_ns: int) -> Sample:
@@ -159,7 +161,7 @@ class SimulatedRig:
             axis_model.plant.advance_to(t_ns)
         true_um = [each.plant.true_displacement_um for each in self._channels]
         if self._coupling is not None:
-            true_um = self._coupling.matrix.dot(true_um).tolist()
+            true_um = self._coupling.advance(true_um, t_ns)
         return [true_um[i] for i, _ in self._inputs]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
