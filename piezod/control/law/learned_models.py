@@ -165,7 +165,7 @@ class ModelErrors:
             of_learned.take_over(memory)
         self._learned = learned
         self._step_first, self._step_learned = of_first.step, of_learned.step
-        self._drive = nan
+        self._drive = self._position = nan
         self.learned = self.first = nan
         """Measured minus predicted displacement of both, in units of the range."""
         self.change = 0.0
@@ -182,11 +182,12 @@ class ModelErrors:
             crept: Part of it that creep and modes have added.
         """
         drive = 0.0 if drive < 0.0 else 1.0 if drive > 1.0 else drive
-        change = drive - self._drive
-        if change == change:  # noqa: PLR0124 - not NaN, as the first one is
+        change, again = drive - self._drive, position == self._position
+        # A slow sensor tells a sample again: the drive has not stopped.
+        if change == change and (change or not again):  # noqa: PLR0124 - not NaN
             bend, late = change - self.change, UNKNOWN_LAG_CYCLES * change
             self.of_lag, self.change = late * late + bend * bend, change
-        self._drive = drive
+        self._drive, self._position = drive, position
         self.first = position - crept - self._step_first(drive)
         shown = self._step_learned(drive) + crept + self._learned.offset
         self.learned = position - shown / (1.0 + self._learned.scale)

@@ -133,6 +133,18 @@ def test_lag_changes_the_displacement_with_speed_and_its_change() -> None:
     assert of_lag == pytest.approx([0.0, 0.0, 1.01e-4, 1e-6, 4.01e-4])
 
 
+def test_sample_that_is_told_again_is_no_stop_of_the_drive() -> None:
+    """The lag behind a slow sensor is that of its own samples."""
+    adaptation = NLMSIdentifier(BANK, gain=0.5)
+    adaptation.adopt(WEIGHTS)
+    errors = ModelErrors(FORM, LearnedModel(WEIGHTS.copy()), adaptation, None)
+    for drive in (0.5, 0.52, 0.54, 0.56):
+        for _ in range(2):
+            errors.follow(drive, drive - 0.1, 0.0)
+
+    assert errors.of_lag == pytest.approx(4e-6)
+
+
 def axis_of(reference: Callable[[float], float], mode: Mode) -> CompensatedAxis:
     """Return an axis that knows its stage, with an identifier that forgets."""
     history, adaptation = DriveHistory(0.0, entries=8), NLMSIdentifier(BANK, gain=0.5)
