@@ -166,7 +166,7 @@ class StageCommands:
         )
 
     @ClientMethod
-    def scan(
+    def scan(  # noqa: PLR0913 - each is a field of the request
         self,
         axes: Mapping[str, Mapping[str, Sequence[float]]],
         *,
@@ -176,6 +176,7 @@ class StageCommands:
         frame_points: int = 0,
         pause: int = 0,
         edges: Mapping[str, float] | None = None,
+        compared: Mapping[str, float] | None = None,
     ) -> Call[Answer]:
         """Let the device of some axes play a scan by its own clock; `scanned` returns the samples.
 
@@ -184,12 +185,15 @@ class StageCommands:
         Args:
             axes: Axis: its curves `lead_in_v`, `line_v`, `offset_v`, `scale` and `blend`, in V.
             interval_s: Time between two points, in s.
-            pulses: Bits of the lines of pulses that are high at each point of a sweep.
+            pulses: Bits of the lines of pulses that are high at each point of a sweep, or of all
+                sweeps of `line_v`.
             frame_pulse: Bits that pulse once, at the first point.
             frame_points: Points for which they are high.
             pause: Point of a sweep at which the fast axis stands still.
             edges: Where it waits for edges: `first`, `every` and `tail` in points, `times`, and
                 `within_s`.
+            compared: Pulses by the device's own comparison: `line`, and the readings `first_um`,
+                `last_um` and `step_um` of the first axis.
         """
         return command(
             "scan",
@@ -200,6 +204,7 @@ class StageCommands:
             frame_points=frame_points,
             pause=pause,
             edges=edges,
+            compared=compared,
         )
 
     @ClientMethod

@@ -18,7 +18,7 @@ from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.frequencies import too_fast
 from piezod.config.messages import show, suggest
 from piezod.config.model_file import SURFACE_COEFFICIENTS
-from piezod.config.scan import broken_scan
+from piezod.config.scan import broken_scan, scanned
 from piezod.config.waveforms.combined import WaveformConfig
 
 MIN_JUDGED_SAMPLES: Final = 10
@@ -67,8 +67,8 @@ def _play(experiment: ExperimentFields) -> Iterator[BrokenRule]:
         what = "an experiment has at least one case, or `play` with waveforms, or a `scan`"
         yield ("cases",), f"{what}: one of them"
     if experiment.scan is not None:
-        ranges = {name: axis.command_range_um for name, axis in experiment.axes.items()}
-        for place, what in broken_scan(experiment.scan, ranges):
+        axes = {name: scanned(axis) for name, axis in experiment.axes.items()}
+        for place, what in broken_scan(experiment.scan, axes):
             yield ("scan", *place), what
     if experiment.play is None:
         return

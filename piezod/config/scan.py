@@ -1,12 +1,15 @@
-"""What a scan is: lines that sweep an axis, a raster of them, or a stack of planes."""
+"""What a scan is: lines that sweep an axis, a raster of them, a stack of planes, or a spiral."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field
 
+from piezod.config.channels import LineCalibration
 from piezod.config.document import Document, SourcePlace
 from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity
 from piezod.config.messages import suggest
@@ -16,10 +19,15 @@ from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 from piezod.errors import ConfigError, Problem
 
+if TYPE_CHECKING:
+    from piezod.config.axes import AxisConfig
+
 KEY: Final = "scan"
 MOST_PIXELS: Final = 10_000
 """Most pixels of a line, and most lines, repeats or planes."""
 LEAST_SPAN_UM: Final = 1e-4
+LEAST_APART: Final = 3
+"""Fewest points of the table between pulses at two positions: each is high and low in between."""
 MODE_PERIODS: Final = 2.0
 """A turn lasts at least this many periods of the first mode: above 1 / (half a turn) its spectrum
 is that of a smooth pulse, which hardly excites anything."""
@@ -44,6 +52,48 @@ class SpanConfig(ConfigModel):
             )
 
 
+class PositionsConfig(ConfigModel):
+    """Positions at which a line pulses, each time that a sweep passes one."""
+
+    line: PulseLine = Field(description="Line that pulses.")
+    positions_um: Annotated[tuple[PositionUm, ...], Field(max_length=MOST_PIXELS)] = Field(
+        default=(), description="The positions, µm; or `step_um`."
+    )
+    step_um: Annotated[float, Quantity(LEAST_SPAN_UM, 1e5, "µm")] | None = Field(
+        default=None, description="Distance between two positions, the first at from_um, µm."
+    )
+    from_um: PositionUm | None = Field(default=None, description="First one; default: of `fast`.")
+    to_um: PositionUm | None = Field(default=None, description="Last one; default: of `fast`.")
+    way: Literal["forward", "backward", "both"] = Field(
+        default="both", description="Sweeps in which it pulses."
+    )
+    by: Literal["time", "device"] = Field(
+        default="time",
+        description="time: at the points at which the learned motion passes; device: the device "
+        "compares its sensor, in one direction, with a step.",
+    )
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        given = (self.step_um is not None) + bool(self.positions_um)
+        if given != 1:
+            yield ("step_um",), "give either `step_um` or `positions_um`"
+        elif self.positions_um and (self.from_um, self.to_um) != (None, None):
+            yield ("from_um",), "belongs to `step_um`: leave it out with `positions_um`"
+        if self.by == "device" and (self.way == "both" or self.step_um is None):
+            yield ("by",), "a device compares one way, in even steps: give `way` and `step_um`"
+
+    def along(self, swept: SpanConfig) -> tuple[float, ...]:
+        """Return the positions in the order of a forward sweep, in µm."""
+        first_um = swept.from_um if self.from_um is None else self.from_um
+        last_um = swept.to_um if self.to_um is None else self.to_um
+        back = swept.to_um < swept.from_um
+        if self.step_um is None:
+            return tuple(sorted(set(self.positions_um), reverse=back))
+        steps = min(int(abs(last_um - first_um) / self.step_um + 1e-9), MOST_PIXELS)
+        step_um = self.step_um if last_um > first_um else -self.step_um
+        return tuple(sorted((first_um + k * step_um for k in range(steps + 1)), reverse=back))
+
+
 class PulsesConfig(ConfigModel):
     """Pulses that the device puts out in step with the motion, each on a line of its own."""
 
@@ -56,18 +106,25 @@ class PulsesConfig(ConfigModel):
     frame: PulseLine | None = Field(
         default=None, description="Line that pulses at the first pixel of the frame."
     )
+    at: PositionsConfig | None = Field(
+        default=None, description="Line that pulses where the fast axis passes positions."
+    )
+
+    @property
+    def lines(self) -> dict[str, int]:
+        """The line of each kind of pulses that is wanted."""
+        at = None if self.at is None else self.at.line
+        all_lines = {"pixel": self.pixel, "line": self.line, "frame": self.frame, "at": at}
+        return {name: number for name, number in all_lines.items() if number is not None}
 
     @property
     def highest(self) -> int:
         """Highest number of a line; 0 without pulses."""
-        return max(self.pixel or 0, self.line or 0, self.frame or 0)
+        return max(self.lines.values(), default=0)
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         used: dict[int, str] = {}
-        for name in ("pixel", "line", "frame"):
-            number = getattr(self, name)
-            if number is None:
-                continue
+        for name, number in self.lines.items():
             if number in used:
                 yield (name,), f"line {number} is that of {used[number]}: each needs its own"
             used[number] = name
@@ -75,6 +132,9 @@ class PulsesConfig(ConfigModel):
 
 class _Scan(ConfigModel):
     """What all scans have."""
+
+    span_keys: ClassVar[tuple[str, ...]]
+    """Keys of the scanned axes, the fastest first."""
 
     title: OneLine = Field(default="", max_length=80, description="Title, for people.")
     interval_us: IntervalUs = Field(
@@ -113,9 +173,9 @@ class _Scan(ConfigModel):
         return round(1000.0 * self.interval_us)
 
     @property
-    @abstractmethod
     def spans(self) -> tuple[SpanConfig, ...]:
         """The scanned axes, the fastest first."""
+        return tuple(getattr(self, key) for key in self.span_keys)
 
 
 class _Swept(_Scan):
@@ -140,6 +200,11 @@ class _Swept(_Scan):
         return 2 if self.sweeps == "both" else 1
 
     @property
+    @abstractmethod
+    def lines(self) -> int:
+        """Number of lines."""
+
+    @property
     def sweep_s(self) -> float:
         """Time of a sweep with its turn, in s."""
         return 1.0 / (self.lines_per_s * self.sweeps_per_line)
@@ -148,6 +213,9 @@ class _Swept(_Scan):
         yield from super()._broken_rules()
         if self.mode is not None:
             return  # the loop has a clock of its own
+        if self.pulses.at is not None:
+            for key, what in self._broken_positions(self.pulses.at):
+                yield ("pulses", "at", *key), what
         points = self.sweep_s * (1.0 - self.turn_share) / (1e-6 * self.interval_us)
         least = 2 if self.pulses.pixel is not None else 1
         if points < least * self.fast.pixels:
@@ -161,17 +229,47 @@ class _Swept(_Scan):
                 f"µs, {least} points of the table{with_pulses}; at most {slowest:.4g} lines/s",
             )
 
+    def _broken_positions(self, at: PositionsConfig) -> Iterator[BrokenRule]:
+        """Yield why the device cannot pulse at positions, by the motion that it has learned."""
+        fast, key = self.fast, "positions_um" if at.positions_um else "from_um"
+        positions_um, ends_um = at.along(fast), sorted((fast.from_um, fast.to_um))
+        if len(positions_um) > MOST_PIXELS:
+            what = f"makes more than {MOST_PIXELS} positions (got {at.step_um or 0:g} µm)"
+            yield ("step_um",), f"{what}: choose a longer one"
+            return
+        for value_um in positions_um:
+            if not ends_um[0] - 1e-9 <= value_um <= ends_um[1] + 1e-9:
+                what = f"outside the sweep (got {value_um:g} µm), allowed range {ends_um[0]:g} to"
+                yield (key,), f"{what} {ends_um[1]:g} µm: that of `fast`"
+                return
+        if at.by == "device" and len(positions_um) < 2:
+            yield ("by",), "a device compares even steps, this is one position: by time"
+        if at.way == "backward" and self.sweeps == "forward":
+            yield ("way",), "no sweep goes backward (got sweeps forward): choose snake or both"
+        by_time, least = at.by == "time", 4 if self.sweeps == "snake" else 2
+        if by_time and self.passes < 1:
+            yield (), "the motion is not learned with `passes: 0`: pulses need 1 or more"
+        if by_time and self.lines < least:
+            what = f"the motion is the mean of its repeats, {self.lines} lines show none"
+            yield (), f"{what}, allowed: at least {least} lines"
+        least_um = min((abs(b - a) for a, b in pairwise(positions_um)), default=math.inf)
+        speed = abs(fast.to_um - fast.from_um) / (self.sweep_s * (1.0 - self.turn_share))
+        apart_us = 1e6 * least_um / speed
+        if apart_us < LEAST_APART * self.interval_us:
+            yield (
+                ("step_um",) if at.step_um else (key,),
+                f"positions {least_um:.4g} µm apart are passed within {apart_us:.4g} µs, allowed: "
+                f"at least {LEAST_APART * self.interval_us:g} µs, {LEAST_APART} points of the "
+                "table: sweep more slowly, or choose a shorter interval",
+            )
+
 
 class RasterScan(_Swept):
     """Lines of one axis, and another axis that steps from line to line."""
 
     kind: Literal["raster"] = "raster"
     slow: SpanConfig = Field(description="Axis that steps from line to line.")
-
-    @property
-    def spans(self) -> tuple[SpanConfig, ...]:
-        """The scanned axes, the fastest first."""
-        return self.fast, self.slow
+    span_keys = ("fast", "slow")
 
     @property
     def lines(self) -> int:
@@ -189,11 +287,7 @@ class LineScan(_Swept):
 
     kind: Literal["line"] = "line"
     repeats: Count = Field(description="How often the line is swept.")
-
-    @property
-    def spans(self) -> tuple[SpanConfig, ...]:
-        """The scanned axes, the fastest first."""
-        return (self.fast,)
+    span_keys = ("fast",)
 
     @property
     def lines(self) -> int:
@@ -217,14 +311,12 @@ class StackScan(_Scan):
         description="edge: each rising edge of the device's trigger input ends a plane, and the "
         "stage goes to the next one; plane_s and move_s are the shortest times.",
     )
-
-    @property
-    def spans(self) -> tuple[SpanConfig, ...]:
-        """The scanned axis."""
-        return (self.planes,)
+    span_keys = ("planes",)
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from super()._broken_rules()
+        if self.pulses.at is not None:
+            yield ("pulses", "at"), "a stack holds its planes: let each pulse (pixel)"
         if self.step == self.start == "edge":
             yield ("start",), "leave it out: with `step: edge` the first plane waits for an edge"
         if self.mode is not None:
@@ -243,30 +335,72 @@ class StackScan(_Scan):
                 )
 
 
-AnyScan: TypeAlias = RasterScan | LineScan | StackScan
+class SpiralScan(_Scan):
+    """A spiral of two axes from the centre out, at a constant speed where the modes allow it."""
+
+    kind: Literal["spiral"] = "spiral"
+    x: SpanConfig = Field(description="First axis; `pixels` are those across the spiral.")
+    y: SpanConfig = Field(description="Second axis, with as many pixels.")
+    pixel_s: Annotated[float, Quantity(1e-5, 10, "s")] = Field(description="Time of a pixel, s.")
+    back_s: Annotated[float, Quantity(1e-4, 60, "s")] = Field(
+        default=0.1, description="Time of the way back to the centre, s."
+    )
+    span_keys = ("x", "y")
+
+    @property
+    def points_of_pixel(self) -> int:
+        """Points of the table in a pixel."""
+        return max(1, round(1e6 * self.pixel_s / self.interval_us))
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        yield from super()._broken_rules()
+        if self.x.axis == self.y.axis:
+            yield ("y", "axis"), f"is the first axis, too (got {self.y.axis!r})"
+        if self.x.pixels < 2:
+            yield ("x", "pixels"), "a spiral has a turn or more: at least 2 (got 1)"
+        if self.y.pixels != self.x.pixels:
+            what = f"both axes have the same turns (got {self.y.pixels}), allowed: {self.x.pixels}"
+            yield ("y", "pixels"), what
+        if self.mode is not None:
+            yield ("mode",), f"the loop scans lines, not spirals (got {self.mode}): leave it out"
+        if self.pulses.at is not None:
+            yield ("pulses", "at"), "a spiral sweeps no line: let each pixel pulse (pixel)"
+        least_s = (2e-6 if self.pulses.pixel else 1e-6) * self.interval_us
+        if self.pixel_s < least_s:
+            yield ("pixel_s",), f"got {self.pixel_s:g} s, allowed: at least {least_s:g} s"
+
+
+AnyScan: TypeAlias = RasterScan | LineScan | StackScan | SpiralScan
 ScanConfig: TypeAlias = Annotated[AnyScan, Field(discriminator="kind")]
 
 
-def broken_scan(
-    scan: AnyScan, ranges: Mapping[str, tuple[float, float] | None]
-) -> Iterator[BrokenRule]:
-    """Yield what does not fit between a scan and the axes of a stage.
+class ScannedAxis(NamedTuple):
+    """What a scan has to know of an axis that it may sweep."""
 
-    Args:
-        scan: The scan.
-        ranges: Lowest and highest command of each axis that may be scanned, in its unit; None for
-            an axis without limits of its own.
-    """
-    names = (
-        ("fast", "slow")
-        if len(scan.spans) == 2
-        else (("planes",) if isinstance(scan, StackScan) else ("fast",))
-    )
-    for key, span in zip(names, scan.spans, strict=True):
-        if span.axis not in ranges:
-            yield (key, "axis"), f"no such axis, {suggest(span.axis, list(ranges), 'known')}"
-        elif (allowed := ranges[span.axis]) is not None:
+    range_um: tuple[float, float] | None  #: Its commands, in its unit; None without own limits.
+    calibrated: bool = False  #: Whether its sensor shows something else than its device reads.
+
+
+def scanned(axis: "AxisConfig") -> ScannedAxis:
+    """Return what a scan has to know of an axis."""
+    sensor = axis.sensor
+    calibrated = sensor and (sensor.calibration != LineCalibration() or sensor.light)
+    return ScannedAxis(axis.command_range_um, bool(calibrated))
+
+
+def broken_scan(scan: AnyScan, axes: Mapping[str, ScannedAxis]) -> Iterator[BrokenRule]:
+    """Yield what does not fit between a scan and the axes of a stage, which have names."""
+    for key, span in zip(scan.span_keys, scan.spans, strict=True):
+        axis = axes.get(span.axis)
+        if axis is None:
+            yield (key, "axis"), f"no such axis, {suggest(span.axis, list(axes), 'known')}"
+            continue
+        if (allowed := axis.range_um) is not None:
             yield from _outside(key, span, allowed)
+        at = scan.pulses.at
+        if at and at.by == "device" and key == scan.span_keys[0] and axis.calibrated:
+            what = f"a device compares its own reading, axis {span.axis} has a calibration: by time"
+            yield ("pulses", "at", "by"), what
 
 
 def _outside(key: str, span: SpanConfig, allowed: tuple[float, float]) -> Iterator[BrokenRule]:
@@ -303,7 +437,7 @@ def load_scan(path: Path) -> AnyScan:
     """
     document = load_yaml(path)
     if KEY not in document.data:
-        what = f"there is no `{KEY}:`, which describes lines, a raster or a stack"
+        what = f"there is no `{KEY}:`, which describes lines, a raster, a stack or a spiral"
         raise ConfigError(Problem(str(path), 0, 0, "", what))
     data = {KEY: document.data[KEY]}
     only = Document(document.file, data, document.values, document.keys)

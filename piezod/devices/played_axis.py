@@ -12,6 +12,7 @@ from piezod.devices.interface import Amplifier, Device, Sample, Sensor
 from piezod.devices.outputs import SLACK_V, CalibratedOutput
 from piezod.devices.player import (
     Check,
+    Comparison,
     EdgeWaits,
     KnowsTruePlay,
     Player,
@@ -107,6 +108,11 @@ class PlayedAxis:
             self._to_v.set_range(*ranges[self.output])
 
     @property
+    def is_plain(self) -> bool:
+        """Whether the device reads it in µm: no calibration and no light are applied."""
+        return self._to_um.plain_place is not None
+
+    @property
     def player(self) -> Player:
         """The device."""
         return self.device
@@ -193,6 +199,7 @@ def load_together(
     now_ns: int,
     check: Check = go_on,
     edges: EdgeWaits | None = None,
+    compared: Comparison | None = None,
 ) -> list[AxisTable]:
     """Load the tables of axes of one device; return them as the device will play them.
 
@@ -203,6 +210,7 @@ def load_together(
         now_ns: The present instant, in ns.
         check: Called between exchanges.
         edges: As in a table of the device.
+        compared: As in a table of the device.
 
     Raises:
         DeviceError: If the device refuses them, or does not know the voltage of an output that is
@@ -221,7 +229,7 @@ def load_together(
     for axis, table in zip(axes, tables, strict=True):
         lead_in[:, axis.output] = axis.values_of(table.lead_in_v)
         period[:, axis.output] = axis.values_of(table.period_v)
-    wanted = Table(first.interval_ns, lead_in, period, first.cycles, pulses, edges)
+    wanted = Table(first.interval_ns, lead_in, period, first.cycles, pulses, edges, compared)
     loaded = device.load(wanted, check)
     echoed = [
         table._replace(

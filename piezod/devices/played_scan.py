@@ -6,11 +6,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from piezod.devices.bus.table_check import waits_problem
+from piezod.devices.bus.table_check import waits_problem, way_problem
 from piezod.devices.played_axis import AxisTable, PlayedAxis, load_together
 from piezod.devices.player import (
     AtEnd,
     Check,
+    Comparison,
     KnowsTruePlay,
     Player,
     PlayerCapabilities,
@@ -111,6 +112,8 @@ class PlayedScan:
                 f"next one that it has is {legal_us:g} µs"
             )
         highest = (int(table.pulses.max()) | table.framed).bit_length() if table.pulses.size else 0
+        if table.compared is not None:
+            highest = max(highest, table.compared.line)
         if highest > able.pulse_lines:
             return (
                 f"pulses are for line {highest}, the device has {able.pulse_lines} lines of "
@@ -127,7 +130,7 @@ class PlayedScan:
 
     def _too_large(self, table: ScanTable) -> str:
         """Return why a scan does not fit into the device, or waits too often; empty if it fits."""
-        if table.edges is None:
+        if not table.is_whole:
             run_up = table.run_up_points
             room = self._room(table, run_up)
             if table.points <= room:
@@ -137,15 +140,25 @@ class PlayedScan:
                 f"each axis, a sweep has {table.points}: choose a longer interval"
             )
         room = self._memory(table)
-        if why := waits_problem(table.edges, self.capabilities.edge_waits):
+        able = self.capabilities
+        if table.edges is not None and (why := waits_problem(table.edges, able.edge_waits)):
+            return why
+        if table.compared is not None and (why := self._compares_not(table.compared)):
             return why
         points = table.n_rows + table.points_from_pause
         if points <= room:
             return ""
         return (
-            f"a scan that waits for edges is loaded at once: it has {points} points for each axis, "
-            f"the device takes {room}; choose a longer interval, or fewer sweeps"
+            "a scan that waits for edges, or whose device compares, is loaded at once: it has "
+            f"{points} points for each axis, the device takes {room}; choose a longer interval, or "
+            "fewer sweeps"
         )
+
+    def _compares_not(self, compared: Comparison) -> str:
+        """Return why the device cannot compare; empty if it can."""
+        if self.axes[compared.input].is_plain:
+            return way_problem("device", self.capabilities.pulses_at)
+        return "the device compares its own reading, which has a calibration here: pulse by time"
 
     def _memory(self, table: ScanTable) -> int:
         """Return the most points of a table, if all of them are recorded."""
@@ -166,7 +179,7 @@ class PlayedScan:
 
     def _begins_with_lead_in(self, table: ScanTable) -> bool:
         """Return whether the first block has the whole lead-in."""
-        return table.edges is None and table.points <= self._room(table, len(table.lead_in_v))
+        return not table.is_whole and table.points <= self._room(table, len(table.lead_in_v))
 
     def blocks(self, table: ScanTable) -> Iterator[ScanBlock]:
         """Yield the blocks of a scan that `misfit` has not refused.
@@ -182,7 +195,7 @@ class PlayedScan:
             most = min(self._table_points(table), MOST_BLOCK_POINTS)
             for begin in range(-table.points_before, first, most):
                 yield ScanBlock(begin, min(begin + most, first))
-        if table.edges is not None:
+        if table.is_whole:
             yield ScanBlock(first, table.n_rows)
             return
         while first < table.n_rows:
@@ -202,7 +215,7 @@ class PlayedScan:
             rows = table.rows(*block)
             if block.first == 0 and self._begins_with_lead_in(table):
                 lead_in = table.lead_in_v
-            elif table.edges is None:
+            elif not table.is_whole:
                 lead_in = table.run_up(block.first)
         return [
             AxisTable(table.interval_ns, lead_in[:, i], rows[:, i], 1)
@@ -232,8 +245,10 @@ class PlayedScan:
         """
         masks = table.masks(block.first, block.end)
         pulses = masks if masks.size else None
-        edges = None if block.is_before else table.edges
-        echoed = load_together(self.axes, columns, pulses, now_ns, check, edges)
+        edges, compared = (None, None) if block.is_before else (table.edges, table.compared)
+        if compared is not None:
+            compared = compared._replace(input=self.axes[compared.input].place)
+        echoed = load_together(self.axes, columns, pulses, now_ns, check, edges, compared)
         return np.stack([echo.period_v for echo in echoed], axis=1)
 
     def recording(self, block: ScanBlock, lead_in: int, check: Check = go_on) -> BlockRecord:

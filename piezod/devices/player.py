@@ -74,6 +74,8 @@ class PlayerCapabilities(NamedTuple):
     record_shared: bool = False  #: Whether the record has the memory that a table leaves.
     pulse_lines: int = 0  #: Number of digital outputs that can be set in step with the points.
     edge_waits: int = 0  #: Most waits for an edge in a play; 1 if an edge can only start it.
+    #: How it pulses at positions: "time" if its pulses need not be even, "device" if it compares.
+    pulses_at: tuple[str, ...] = ()
 
     def legal_interval_ns(self, interval_ns: int) -> int:
         """Return the shortest legal interval that is not shorter than the given one, in ns."""
@@ -111,6 +113,16 @@ class SeenEdge(NamedTuple):
     used: bool  #: Whether the play waited for it; otherwise points were played.
 
 
+class Comparison(NamedTuple):
+    """Readings at which the device itself pulses, while they go from the first to the last."""
+
+    line: int  #: Line of pulses, from 1; the pulses of the table leave it low.
+    input: int  #: Index of the input.
+    first: float  #: First reading, in the unit of the input.
+    last: float  #: No pulse comes behind it.
+    step: float  #: Distance between two pulses; negative on the way down.
+
+
 class Table(NamedTuple):
     """Values to play."""
 
@@ -123,6 +135,7 @@ class Table(NamedTuple):
     pulses: Mask | None = None
     #: Where it waits for edges; it has one cycle and no lead-in then. None for nowhere.
     edges: EdgeWaits | None = None
+    compared: Comparison | None = None  #: Pulses by its own comparison; None for none.
 
     @property
     def longest_wait_ns(self) -> int:

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from piezod.devices.player import EdgeWaits
+from piezod.devices.player import Comparison, EdgeWaits
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.uint8]
@@ -27,13 +27,20 @@ class ScanTable(NamedTuple):
     offset_v: FloatArray  #: (sweeps, axes) offset of each sweep, in V.
     scale: FloatArray  #: (sweeps, axes) size of the line in each sweep.
     blend: FloatArray  #: (m, axes) share of the next sweep's offset and scale, 0 to 1.
-    pulses: Mask  #: (m,) pulses of each sweep; empty for none.
+    pulses: Mask  #: (q · m,) pulses of q sweeps, which repeat; empty for none.
     framed: int = 0  #: Line of pulses, as a bit, that pulses once, at the first point.
     frame_points: int = 0  #: Points for which that pulse is high.
     pause: int = 0  #: Point of a sweep at which the fast axis stands still: a scan may pause there.
     #: Where the device waits for edges, counted from the first sweep; None for nowhere.
     edges: EdgeWaits | None = None
     tail: int = 0  #: Points behind the last sweep, at its last voltages, in which edges count.
+    #: Pulses that the device itself gives by the reading of the axis of this column; None for none.
+    compared: Comparison | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all sweeps are loaded together, without what precedes them."""
+        return self.edges is not None or self.compared is not None
 
     @property
     def sweeps(self) -> int:
@@ -123,7 +130,7 @@ class ScanTable(NamedTuple):
         if not self.pulses.size:
             return self.pulses
         at = np.arange(first, end)
-        masks = self.pulses[at % self.points]
+        masks = self.pulses[at % self.pulses.size]
         masks[(at < 0) | (at >= self.sweeps * self.points)] = 0
         masks[(at >= 0) & (at < self.frame_points)] |= np.uint8(self.framed)
         return masks

@@ -271,6 +271,19 @@ class ScanEdges(ConfigModel):
     )
 
 
+class ScanCompared(ConfigModel):
+    """Pulses that the device gives by comparing the reading of the first axis, in one direction."""
+
+    line: Annotated[int, Quantity(1, 8)] = Field(description="Line of pulses.")
+    first_um: PositionUm = Field(description="Reading at the first pulse, µm.")
+    last_um: PositionUm = Field(description="Reading behind which no pulse comes, µm.")
+    step_um: PositionUm = Field(description="From pulse to pulse, µm; negative on the way down.")
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if not self.step_um * (self.last_um - self.first_um) > 0.0:
+            yield ("step_um",), f"does not lead from first_um to last_um (got {self.step_um:g} µm)"
+
+
 class Scan(ConfigModel):
     """Let the device of some axes play a scan by its own clock, and record all axes.
 
@@ -287,7 +300,9 @@ class Scan(ConfigModel):
         description="Time between two points, s."
     )
     pulses: Annotated[tuple[PulseBits, ...], Field(max_length=20_000)] = Field(
-        default=(), description="Bits of the lines of pulses that are high at each point."
+        default=(),
+        description="Bits of the lines of pulses that are high at each point of one sweep, or of "
+        "all sweeps of `line_v`.",
     )
     frame_pulse: PulseBits = Field(default=0, description="Bits that pulse at the first point.")
     frame_points: Annotated[int, Quantity(0, 20_000)] = Field(
@@ -299,6 +314,9 @@ class Scan(ConfigModel):
     )
     edges: ScanEdges | None = Field(
         default=None, description="Where it waits for edges; the device takes it as a whole then."
+    )
+    compared: ScanCompared | None = Field(
+        default=None, description="Pulses by the device's own comparison; as a whole, too."
     )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
@@ -313,8 +331,9 @@ class Scan(ConfigModel):
         if len(first.line_v) % points:
             what = f"has {len(first.line_v)} numbers, a multiple of {points} is needed"
             yield ("axes", next(iter(self.axes)), "line_v"), what
-        if self.pulses and len(self.pulses) != points:
-            yield ("pulses",), f"has {len(self.pulses)} numbers, {points} are needed"
+        if self.pulses and len(self.pulses) not in {points, len(first.line_v)}:
+            what = f"has {len(self.pulses)} numbers, {points} or {len(first.line_v)} are needed"
+            yield ("pulses",), what
         for key in ("frame_points", "pause"):
             if (value := getattr(self, key)) > points:
                 yield (key,), f"above the {points} points of a sweep (got {value})"

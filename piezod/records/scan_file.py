@@ -7,9 +7,11 @@
         title, start_time, configuration
         picture/         NXdata   @signal @axes: the grid, for viewers
           <signal>, <signal>_backward, …   one row for each line; NaN where nothing was swept yet
-          <axis>_um      centres of the pixels
+          <axis>_um      centres of the pixels; of a path both axes of each, as a list
         pixels/          NXdata   @signal @axes=first_ns: the same at full precision, in time order
           row, column, position_<axis>_um, <input>, dwell_s, first_ns, last_ns, late_ns
+        pulses/          NXdata   of a scan with pulses at positions   @way
+          pulse_ns, wanted_um, error_um, true_error_um
         edges/           NXdata   of a scan that waits for edges: edge_ns, place, used
 
 The file is in HDF5's SWMR mode, and written to the disk after each sweep. It can be read while it
@@ -63,6 +65,8 @@ class ScanHeader(NamedTuple):
     edges: bool = False  #: Whether it waits for edges.
     #: Unit of axes in another unit than µm, as in `{"rx": "urad"}`.
     units: Mapping[str, str] = {}
+    path: bool = False  #: Whether its pixels are a list along a path.
+    pulses: str = ""  #: How pulses come to their positions; empty without such pulses.
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -82,6 +86,15 @@ class SweptPixels(NamedTuple):
     first_ns: NDArray[np.int64]  #: (pixels,) first sample of each pixel since the first sweep.
     last_ns: NDArray[np.int64]  #: (pixels,) its last sample.
     late_ns: NDArray[np.int64] | None = None  #: (pixels,) largest lateness of its cycles, if known.
+
+
+class SweptPulses(NamedTuple):
+    """The pulses at positions of one sweep, in the order of time."""
+
+    pulse_ns: NDArray[np.int64]  #: (k,) time of each since the first sweep, in ns.
+    wanted_um: FloatArray  #: (k,) its position, in µm.
+    error_um: FloatArray  #: (k,) measured position minus that, in µm.
+    true_error_um: FloatArray  #: (k,) true position minus that, in µm; NaN if it is not known.
 
 
 class ScanFile:
@@ -134,6 +147,8 @@ class ScanFile:
         picture = new_data(entry, "picture", first)
         if further:
             picture.attrs["auxiliary_signals"] = further
+        if header.path:
+            rows, columns = columns, 1
         flat = columns == 1
         for name in (first, *further):
             shape, chunk = ((rows,), (rows,)) if flat else ((rows, columns), (1, columns))
@@ -148,6 +163,8 @@ class ScanFile:
                 of_axis += [*self._pictures.values(), self._lists[ERROR]]
             for column in of_axis:
                 column.attrs["units"] = unit
+        if header.pulses:
+            self._make_pulses(entry, columns)
         if header.edges:
             edges = new_data(entry, "edges", "place", "edge_ns")
             self._edges = {
@@ -170,7 +187,7 @@ class ScanFile:
     ) -> None:
         names = [f"{axis}_um" for axis in self._header.axes]
         scales = dict(zip(names, centres_um, strict=True))
-        order = names[::-1]
+        order = names if self._header.path else names[::-1]
         if not flat and len(names) == 1:
             scales["line"] = np.arange(rows, dtype=np.float64)
             order = ["line", *names]
@@ -201,14 +218,27 @@ class ScanFile:
             )
         }
 
+    def _make_pulses(self, entry: h5py.Group, columns: int) -> None:
+        pulses = new_data(entry, "pulses", "error_um", "pulse_ns", "Pulses at positions.")
+        pulses.attrs["way"] = self._header.pulses
+        self._pulses = {
+            name: growing_column(pulses, name, dtype, max(columns, _LEAST_CHUNK), about=about)
+            for name, dtype, about in (
+                ("pulse_ns", np.int64, "Time of the pulse since the first sweep."),
+                ("wanted_um", np.float64, "Position of the pulse."),
+                ("error_um", np.float64, "Measured position at the pulse, minus wanted_um."),
+                ("true_error_um", np.float64, "True position minus wanted_um; NaN if not known."),
+            )
+        }
+
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_error: object) -> None:
         self.close()
 
-    def append(self, pixels: SweptPixels) -> None:
-        """Add a sweep, and write it to the disk.
+    def append(self, pixels: SweptPixels, pulses: SweptPulses | None = None) -> None:
+        """Add a sweep, and its pulses at positions, and write it to the disk.
 
         Raises:
             OSError: If the disk refuses it.
@@ -231,10 +261,13 @@ class ScanFile:
             columns[f"position_{axis}_um"] = pixels.position_um[:, i]
         for i, name in enumerate(self._header.signals):
             columns[name] = inputs[:, i]
-            self._pictures[name + way][pixels.row] = inputs[order, i] if n > 1 else inputs[0, i]
+            rows = slice(None) if self._header.path else pixels.row
+            self._pictures[name + way][rows] = inputs[order, i] if n > 1 else inputs[0, i]
         try:
             for name, values in columns.items():
                 grow(self._lists[name], np.asarray(values))
+            for name, values in ({} if pulses is None else pulses._asdict()).items():
+                grow(self._pulses[name], values)
             self._file.flush()
         except RuntimeError as error:  # h5py raises this for some disk errors
             raise OSError(f"{self._file.filename}: {error}") from error

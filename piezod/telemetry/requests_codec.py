@@ -13,7 +13,17 @@ import numpy as np
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import pack_waveforms, unpack_waveforms
-from piezod.messages.requests import Goto, Identify, Play, Request, Scan, ScanCurve, ScanEdges, Wave
+from piezod.messages.requests import (
+    Goto,
+    Identify,
+    Play,
+    Request,
+    Scan,
+    ScanCompared,
+    ScanCurve,
+    ScanEdges,
+    Wave,
+)
 
 _CLASSES: Final = {
     each.model_fields["kind"].default: each for each in get_args(get_args(Request)[0])
@@ -72,6 +82,8 @@ def decode(payload: bytes) -> Request:
                 fields["axes"][name] = ScanCurve.model_construct(**arrays)
             if edges := fields["edges"]:
                 fields["edges"] = ScanEdges.model_construct(**edges)
+            if compared := fields["compared"]:
+                fields["compared"] = ScanCompared.model_construct(**compared)
         if "mode" in fields:
             fields["mode"] = Mode(fields["mode"])
         if "model" in fields:

@@ -25,6 +25,14 @@ scan:
   step: edge
   start: edge
 """
+SPIRAL = """
+scan:
+  kind: spiral
+  x: {axis: x, from_um: 5, to_um: 10, pixels: 64}
+  y: {axis: z, from_um: 5, to_um: 10, pixels: 40}
+  pixel_s: 0.004
+  interval_us: 1000
+"""
 EXAMPLE = Path(__file__).parents[2] / "examples" / "raster.yaml"
 
 
@@ -62,8 +70,54 @@ def test_a_scan_has_defaults(tmp_path: Path) -> None:
         ("to_um: 23, pixels: 64", "to_um: 3, pixels: 64", ("must differ from from_um",)),
         ("10\n", "10\n  pulses: {pixel: 2, line: 2}\n", ("line 2 is that of pixel",)),
         ("10\n", "10\n  pulses: {pixel: 9}\n", ("allowed range 1 to 8",)),
-        ("kind: raster", "kind: spiral", ("raster",)),
+        ("kind: raster", "kind: circle", ("raster",)),
+        (
+            RASTER,
+            SPIRAL + "  mode: trimmed\n  pulses: {at: {line: 1, step_um: 1}}\n",
+            ("scan.mode: the loop scans lines", "scan.pulses.at: a spiral sweeps no line"),
+        ),
+        (RASTER, SPIRAL.replace("axis: z", "axis: x"), ("scan.y.axis: is the first axis",)),
+        (RASTER, SPIRAL.replace("pixels: 40", "pixels: 41"), ("y.pixels", "allowed: 64")),
+        (RASTER, SPIRAL.replace("pixels: 64", "pixels: 1"), ("scan.x.pixels", "at least 2")),
+        (RASTER, SPIRAL.replace("0.004", "0.0001"), ("scan.pixel_s", "at least 0.001 s")),
         ("10\n", "10\n  start: edge\n  within_s: 0\n", ("0.01 to 3600 s",)),
+        (
+            "10\n",
+            "10\n  pulses: {at: {line: 1, step_um: 0.1, from_um: 2}}\n",
+            ("pulses.at.from_um", "got 2 µm", "3 to 23 µm"),
+        ),
+        (
+            "10\n",
+            "10\n  pulses: {at: {line: 1, positions_um: [5, 5.01]}}\n",
+            ("pulses.at.positions_um", "0.01 µm apart", "within 40 µs", "150 µs"),
+        ),
+        (
+            "10\n",
+            "10\n  pulses: {at: {line: 1, step_um: 0.001}}\n",
+            ("pulses.at.step_um", "more than 10000 positions"),
+        ),
+        ("10\n", "10\n  pulses: {at: {line: 1}}\n", ("either `step_um` or `positions_um`",)),
+        (
+            "10\n",
+            "10\n  passes: 0\n  sweeps: forward\n"
+            "  pulses: {at: {line: 1, step_um: 1, way: backward}}\n",
+            ("no sweep goes backward", "not learned with `passes: 0`"),
+        ),
+        (
+            "10\n",
+            "10\n  pulses: {at: {line: 1, step_um: 1, by: device}}\n",
+            ("compares one way",),
+        ),
+        (
+            "10\n",
+            "10\n  pulses: {line: 1, at: {line: 1, step_um: 1}}\n",
+            ("line 1 is that of line",),
+        ),
+        (
+            RASTER,
+            STEPPED.replace("start: edge", "pulses: {at: {line: 1, step_um: 1}}"),
+            ("scan.pulses.at", "a stack holds its planes"),
+        ),
         (RASTER, STEPPED, ("scan.start", "the first plane waits for an edge")),
     ],
 )
@@ -91,6 +145,19 @@ def test_all_mistakes_are_in_one_error(tmp_path: Path) -> None:
     assert len(lines) == 3
     assert "no such axis" in str(refused.value)
     assert str(refused.value).count("outside the range of axis x") == 2
+
+
+def test_a_device_compares_no_calibrated_reading(tmp_path: Path) -> None:
+    """Its thresholds are readings; known before anything moves."""
+    at = "{line: 1, step_um: 1, way: forward, by: device}"
+    text = EXAMPLE.read_text().replace("frame: 3}", f"frame: 3, at: {at.replace('1', '4', 1)}}}")
+    file = tmp_path / "compared.yaml"
+    file.write_text(text)
+    load_experiment(file, registry)
+    kind = "calibration: {kind: line, gain: 2}"
+    file.write_text(text.replace("beside: [photons]", f"beside: [photons], {kind}", 1))
+    with pytest.raises(ConfigError, match="compares its own reading"):
+        load_experiment(file, registry)
 
 
 def test_a_file_without_a_scan_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from piezod.devices.interface import Device, Wiring
 from piezod.devices.played_axis import AxisTable, PlayedAxis, load_together
 from piezod.devices.played_scan import PlayedScan
-from piezod.devices.player import EdgeWaits, PlayState
+from piezod.devices.player import Comparison, EdgeWaits, PlayState
 from piezod.devices.scan_table import ScanTable
 from piezod.devices.wiring import ChannelPair
 from piezod.errors import DeviceError
@@ -96,6 +96,8 @@ def play(bench: PlayBench, scan: PlayedScan, table: ScanTable) -> np.ndarray:
         scan.player.arm()
         scan.player.start(bench.time.t_ns)
         assert bench.progress_to_end().state is PlayState.ENDED
+        if block.is_before:
+            continue
         lead_in = len(table.lead_in_v) if block.first == 0 else 0
         found.append(scan.recording(block, lead_in).position_um)
     return np.concatenate(found)
@@ -174,6 +176,43 @@ def test_a_part_begins_with_the_motion_before_it() -> None:
     assert np.allclose(run_up[:, 0], table.rows(first - n, first)[:, 0])
     assert np.allclose(run_up[:, 1], table.rows(first, first + 1)[0, 1])
     assert table._replace(line_v=0.0 * table.line_v).run_up(first).size == 0
+
+
+@pytest.mark.parametrize("case", [T7, PI], ids=["t7", "pi"])
+def test_pulses_may_differ_from_sweep_to_sweep(case: Case) -> None:
+    """Those at positions have other points forward and backward, at any distance."""
+    bench, scan = opened(case)
+    table = snake(case.top, lines=4)
+    two = np.zeros(2 * table.points, np.uint8)
+    two[[3, 10, 12, 40, table.points + 5, table.points + 30]] = PIXEL
+    play(bench, scan, table._replace(pulses=two, framed=0))
+
+    assert scan.capabilities.pulses_at[0] == "time"
+    assert pulses_of(bench) == [2 * 6, 0, 0]
+
+
+@pytest.mark.parametrize("step_um", [0.5, -0.5], ids=["up", "down"])
+def test_a_pi_controller_pulses_by_its_own_reading(step_um: float) -> None:
+    """Once for each step in each sweep that way, and not in the lead-in."""
+    bench, scan = opened(PI)
+    table = snake(PI.top, lines=6)
+    ends_um = (2.1, 9.8) if step_um > 0.0 else (9.8, 2.1)
+    swing = Comparison(3, 0, ends_um[0], ends_um[1], step_um)
+    x = play(bench, scan, table._replace(compared=swing))[:, 0].reshape(6, -1)
+
+    assert x.min() < min(ends_um)
+    assert x.max() > max(ends_um)
+    assert pulses_of(bench) == [6 * PIXELS, 6, 3 * len(np.arange(2.1, 9.8, 0.5))]
+
+
+@CASES
+def test_a_device_that_does_not_compare_refuses(case: Case) -> None:
+    """A LabJack and a board."""
+    _, scan = opened(case)
+    table = snake(case.top, lines=4)._replace(compared=Comparison(3, 0, 1.0, 2.0, 0.1))
+
+    assert (scan.misfit(table) == "") == (case is PI)
+    assert ("time" in scan.capabilities.pulses_at) == (case is not BOARD)
 
 
 @pytest.mark.stress

@@ -11,7 +11,14 @@ import numpy as np
 import pytest
 
 from piezod.records.figures.scan import scan_figure
-from piezod.records.scan_file import ScanFile, ScanHeader, SweptPixels, is_scan, read_scan
+from piezod.records.scan_file import (
+    ScanFile,
+    ScanHeader,
+    SweptPixels,
+    SweptPulses,
+    is_scan,
+    read_scan,
+)
 
 CENTRES = (np.linspace(0.5, 3.5, 4), np.linspace(10.5, 12.5, 3))
 KILLED = """
@@ -82,6 +89,39 @@ def test_lines_that_are_swept_both_ways_have_two_pictures(tmp_path: Path) -> Non
 
     assert list(pictures) == ["error_um", "error_um_backward"]
     assert pictures["error_um_backward"][0] == pytest.approx(pictures["error_um"][0][::-1])
+
+
+def test_a_path_is_a_list_of_places(tmp_path: Path) -> None:
+    """A viewer shows its signal over both axes; the figure has a dot for each pixel."""
+    path, places = tmp_path / "scan.nxs", (np.linspace(0.0, 3.0, 4), np.linspace(5.0, 8.0, 4))
+    with ScanFile(path, header("photons")._replace(path=True), places, 1, 4) as file:
+        empty = read_scan(path).pictures["photons"]
+        file.append(sweep(0))
+    stored = read_scan(path)
+    (dots,) = scan_figure(stored).axes[0].collections
+
+    assert np.isnan(empty).all()
+    assert stored.pictures["photons"].tolist() == [0, 1, 2, 3]
+    assert [(name, values.tolist()) for name, values in stored.scales] == [
+        ("x_um", places[0].tolist()),
+        ("y_um", places[1].tolist()),
+    ]
+    assert np.asarray(dots.get_offsets()).tolist() == np.stack(places, axis=1).tolist()
+
+
+def test_pulses_at_positions_are_columns(tmp_path: Path) -> None:
+    """With the way they came about; a sweep without one adds none."""
+    path, at = tmp_path / "scan.nxs", np.array([7.0, 8.0])
+    pulses = SweptPulses(np.array([10, 20]), at, 0.1 * at, np.full(2, np.nan))
+    with new_file(path, header("photons")._replace(pulses="compared by the device")) as file:
+        file.append(sweep(0), pulses)
+        file.append(sweep(1), SweptPulses(np.empty(0, np.int64), at[:0], at[:0], at[:0]))
+    with h5py.File(path) as opened:
+        group = opened["scan/pulses"]
+        found = [group[name][()] for name in SweptPulses._fields]
+
+        assert group.attrs["way"] == "compared by the device"
+    assert np.array_equal(found, np.stack(pulses), equal_nan=True)
 
 
 def test_a_killed_writer_leaves_all_sweeps_before(tmp_path: Path) -> None:

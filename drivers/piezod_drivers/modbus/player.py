@@ -104,6 +104,7 @@ class LabJackPlayer:
         from piezod_drivers.modbus import stream_arrays  # noqa: F401, PLC0415 - numpy
 
         n_channels = len(self._inputs) + len(self._outputs)
+        lines = self._plan.pulse_lines if len(self._outputs) < registers.N_OUTS else 0
         return PlayerCapabilities(
             shortest_interval_ns=max(self._plan.shortest_ns, n_channels * self._plan.address_ns),
             interval_step_ns=registers.TICK_NS,
@@ -117,7 +118,8 @@ class LabJackPlayer:
             records_with_play=True,
             lag_ns=len(self._inputs) * self._plan.address_ns,
             at_end=AtEnd.HOLDS,
-            pulse_lines=self._plan.pulse_lines if len(self._outputs) < registers.N_OUTS else 0,
+            pulse_lines=lines,
+            pulses_at=("time",) if lines else (),
         )
 
     def load(self, table: Table, check: Check) -> Table:

@@ -82,6 +82,7 @@ class TablePlayer:
             at_end=AtEnd.HOLDS,
             pulse_lines=PULSE_LINES,
             edge_waits=EDGE_WAITS,
+            pulses_at=("time",),
         )
 
     @property

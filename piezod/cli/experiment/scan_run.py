@@ -1,5 +1,6 @@
 """The work of `piezod scan`."""
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -137,6 +138,7 @@ def _errors_line(label: str, errors: PixelErrors) -> str:
     parts = []
     if errors.has_fast:
         parts.append(f"along max {errors.fast_max:6.3f} rms {errors.fast_rms:6.3f}")
+    if math.isfinite(errors.apart_max):
         parts.append(f"forward to backward {errors.apart_max:6.3f}")
     if errors.has_slow:
         parts.append(f"across max {errors.slow_max:6.3f} rms {errors.slow_rms:6.3f}")
@@ -159,4 +161,5 @@ def _document(result: ScanResult) -> dict[str, object]:
         "pixels": result.plan.pixels,
         "duration_s": result.plan.duration_s,
         "frames": [_frame_document(each) for each in result.frames],
+        "pulses": None if result.pulses is None else dict(result.pulses),
     }

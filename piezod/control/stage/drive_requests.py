@@ -13,7 +13,7 @@ from piezod.control.stage.named import axes_behind, axes_named, axis_names, with
 from piezod.control.stage.stage import Stage
 from piezod.control.stage.states import Event
 from piezod.devices.played_axis import AxisTable
-from piezod.devices.player import EdgeWaits
+from piezod.devices.player import Comparison, EdgeWaits
 from piezod.devices.scan_table import ScanTable
 from piezod.messages import requests
 from piezod.units import NS_PER_S, s_to_ns
@@ -104,6 +104,10 @@ def scan_table(request: requests.Scan) -> ScanTable:
         within_ns = s_to_ns(wanted.within_s)
         edges = EdgeWaits(wanted.first, wanted.every, wanted.times, within_ns)
 
+    compared = None
+    if (own := request.compared) is not None:
+        compared = Comparison(own.line, 0, own.first_um, own.last_um, own.step_um)
+
     def columns(name: str) -> npt.NDArray[np.float64]:
         return np.stack([np.asarray(getattr(each, name), np.float64) for each in curves], axis=1)
 
@@ -121,6 +125,7 @@ def scan_table(request: requests.Scan) -> ScanTable:
         pause=request.pause,
         edges=edges,
         tail=0 if wanted is None else wanted.tail,
+        compared=compared,
     )
 
 

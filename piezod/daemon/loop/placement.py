@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple, cast
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.worker import DeviceWorker
 from piezod.devices.interface import Capabilities, Device, Exchanges, Identity
-from piezod.devices.player import Player
+from piezod.devices.player import Player, PlayerCapabilities
 from piezod.devices.reconnecting import CanBeLost, ReconnectingDevice
 from piezod.devices.wrapper import AnyDevice, CombinedExchange
 from piezod.errors import DeviceError
@@ -67,7 +67,7 @@ class Placement(NamedTuple):
     threads: Sequence[threading.Thread]  #: The threads of the wrappers, not started.
     #: The wrapper that opens it again after a loss; None if it cannot be lost.
     link: ReconnectingDevice | None
-    edge_waits: int = 0  #: Most waits for an edge in a play; 0 if it plays nothing.
+    player: PlayerCapabilities | None = None  #: Those of a device that plays.
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON for status and API."""
@@ -80,7 +80,8 @@ class Placement(NamedTuple):
                 "p99": self.trips.p99_ns / 1000,
             },
             "capabilities": self.able._asdict(),
-            "edge_waits": self.edge_waits,
+            "edge_waits": self.player.edge_waits if self.player else 0,
+            "pulses_at": self.player.pulses_at if self.player else (),
         }
 
 
@@ -233,14 +234,14 @@ def _make_placement(
             writes = not combined and bool(able.outputs)
             usual_ns = trips.median_ns + writes * trips.usual_write_ns
             allowed_hz = min(allowed_hz, NS_PER_S / usual_ns)
-    waits = _edge_waits(device)
-    return Placement(name, chosen, trips, identity, able, allowed_hz, used, threads, link, waits)
+    player = _player_of(device)
+    return Placement(name, chosen, trips, identity, able, allowed_hz, used, threads, link, player)
 
 
-def _edge_waits(device: Device) -> int:
+def _player_of(device: Device) -> PlayerCapabilities | None:
     with suppress(DeviceError):  # it tells why when something is to be played
-        return device.player_capabilities().edge_waits if isinstance(device, Player) else 0
-    return 0
+        return device.player_capabilities() if isinstance(device, Player) else None
+    return None
 
 
 def rate_refusal(placements: Sequence[Placement], rate_hz: float) -> str:

@@ -43,6 +43,8 @@ def check_table(
             + "; choose a longer interval"
         )
     _check_pulses(table, able)
+    if table.compared is not None and (why := way_problem("device", able.pulses_at)):
+        raise DeviceError(why)
     if table.edges is not None:
         _check_edges(table, table.edges, able)
     # A device whose play only the host ends has no limit of its own.
@@ -94,6 +96,23 @@ def waits_problem(edges: EdgeWaits, most: int) -> str:
     if edges.times > most:
         return f"{edges.times} waits for an edge, allowed on this device: at most {most}"
     return ""
+
+
+def way_problem(way: str, ways: Sequence[str]) -> str:
+    """Return why a device cannot pulse at positions; empty if it can. Real-time safe.
+
+    Args:
+        way: "time" or "device".
+        ways: Those that it can.
+    """
+    if way in ways:
+        return ""
+    if not ways:
+        return (
+            "the device has no lines for pulses, or only regular ones, as a player board: it does "
+            "not pulse at positions; let it pulse in each pixel (pixel)"
+        )
+    return f"the device does not compare positions itself (got by {way}), allowed: {ways[0]}"
 
 
 def check_values(part: str, values: "FloatArray", ranges: Sequence[tuple[float, float]]) -> None:

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from piezod.client import StageClient
-from piezod.config.scan import AnyScan, broken_scan
+from piezod.config.scan import AnyScan, ScannedAxis, broken_scan, scanned
 from piezod.errors import DataError
 from piezod.experiment.live.play import REST_S, measured_axis
 from piezod.experiment.live.running_axis import playing_axis
@@ -17,7 +17,7 @@ from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.scan.by_loop import or_by_loop
 from piezod.experiment.scan.edges import sweep_ns
 from piezod.experiment.scan.pixels import SweepSamples
-from piezod.experiment.scan.plan import PlannedAxis, check_edges, plan_scan
+from piezod.experiment.scan.plan import PlannedAxis, check_device, plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,
@@ -59,7 +59,7 @@ class RunningScanStage:
         """Play a scan, which the daemon checks; yield the samples of each sweep."""
         zero_um = np.array([self._axes[name].stage.zero_um for name in table.axes])
         self.edges, waits = (), False
-        for document in self._stage.scan(**_request(table)):
+        for document in self._stage.scan(**_request(table, float(zero_um[0]))):
             if not waits and (waits_s := document.get("waits_s")):
                 waits = True
                 self._note(f"the stage waits for pulses, {waits_s:g} s for each: start them")
@@ -82,8 +82,8 @@ class RunningScanStage:
                 )
 
 
-def _request(table: ScanTable) -> Document:
-    """Return the fields of the request of a scan."""
+def _request(table: ScanTable, zero_um: float) -> Document:
+    """Return the fields of the request of a scan, whose first sensor has this zero."""
     curves = {
         name: {
             "lead_in_v": np.round(table.lead_in_v[:, i], _DECIMALS).tolist(),
@@ -99,6 +99,10 @@ def _request(table: ScanTable) -> Document:
         first, every, times, within_ns = table.edges
         edges = {"first": first, "every": every, "times": times, "tail": table.tail}
         edges["within_s"] = within_ns / NS_PER_S
+    compared: dict[str, float] | None = None
+    if (own := table.compared) is not None:
+        ends = {"first_um": own.first + zero_um, "last_um": own.last + zero_um}
+        compared = {"line": own.line, **ends, "step_um": own.step}
     return {
         "axes": curves,
         "interval_s": table.interval_ns / NS_PER_S,
@@ -107,6 +111,7 @@ def _request(table: ScanTable) -> Document:
         "frame_points": table.frame_points,
         "pause": table.pause,
         "edges": edges,
+        "compared": compared,
     }
 
 
@@ -136,9 +141,9 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
         used = {name: unit for name, unit in units.items() if name in names and unit != "um"}
         setting = setting._replace(units=used)
         return scan_by_running_loop(client, setup, scan, scan.mode, planned, setting, told)
-    waits = {each["name"]: each.get("edge_waits", 0) for each in client.status().devices}
-    device = setup.axes[names[0]].config.amplifier.device
-    check_edges(scan, waits.get(device, 0))
+    devices = {each["name"]: each for each in client.status().devices}
+    device = devices.get(setup.axes[names[0]].config.amplifier.device, {})
+    check_device(scan, device.get("edge_waits", 0), device.get("pulses_at", ()))
     plan_scan(scan, planned)
     inputs = beside_of(setup.axes[name].config for name in names)
     with LiveStage(client, setup, lambda _over_s: None) as stage:
@@ -172,11 +177,11 @@ def _planned(setup: LiveSetup, name: str) -> PlannedAxis:
 
 def _check(scan: AnyScan, setup: LiveSetup) -> None:
     """Refuse a scan that does not fit the stage; the text has a line for each problem."""
-    users = {name: tuple(axis["command_range_um"]) for name, axis in setup.user_axes.items()}
-    moved = {each for name in users for each in setup.moved_by(name)}
-    alone = {
-        name: axis.config.command_range_um for name, axis in setup.axes.items() if name not in moved
+    users = {
+        name: ScannedAxis(tuple(axis["command_range_um"])) for name, axis in setup.user_axes.items()
     }
+    moved = {each for name in users for each in setup.moved_by(name)}
+    alone = {name: scanned(axis.config) for name, axis in setup.axes.items() if name not in moved}
     problems = [
         f"{'.'.join(map(str, path))}: {what}"
         for path, what in broken_scan(scan, {**users, **alone})

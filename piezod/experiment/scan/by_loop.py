@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from piezod.config.axes import AxisConfig
-from piezod.config.scan import AnyScan, StackScan
+from piezod.config.scan import AnyScan, SpiralScan, StackScan
 from piezod.config.waveforms.paths import Points
 from piezod.errors import DataError, DeviceError, RefusedError
 from piezod.experiment.scan.pixels import Int64Array, SweepSamples
@@ -102,6 +102,7 @@ def plan_by_loop(scan: AnyScan, axes: Mapping[str, PlannedAxis], period_ns: int)
         DataError: If a pixel is faster than the loop, or as `plan_scan`.
     """
     period_s = period_ns / NS_PER_S
+    assert not isinstance(scan, SpiralScan)  # noqa: S101 - its rules refuse a mode
     if isinstance(scan, StackScan):
         times = {"plane_s": scan.plane_s, "move_s": scan.move_s}
     else:

@@ -6,7 +6,7 @@ the line alone, so each sweep gets an offset and a size of its own, forward and 
 sweeps have in common corrects the line.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from piezod.experiment.scan.pixels import (
     pixels_of,
 )
 from piezod.experiment.scan.plan import ScanPlan
+from piezod.experiment.scan.positions import Marks
 from piezod.experiment.scan.stage import ScanStage, ScanTable
 from piezod.experiment.scan.tables import (
     AxisVoltages,
@@ -69,9 +70,8 @@ class ScanTask:
     plan: ScanPlan
     known: Mapping[str, KnownAxis]  #: What is known of each axis, by name.
     rest_v: Mapping[str, float]  #: Voltage at rest of each axis, in V.
-    #: (p · m,) input of the inverse model for the line; None for a stack.
-    line_um: FloatArray | None
-    line_learned: bool  #: Whether it was learned alone.
+    lines_um: FloatArray  #: (p · m, swept) input of the inverse model for each line, in µm.
+    line_learned: bool  #: Whether they were learned alone.
     passes: int  #: Largest number of corrections of the frame.
 
     @property
@@ -80,10 +80,17 @@ class ScanTask:
         return known_delays_s(self.known, self.plan)
 
 
+class LearnedFrame(NamedTuple):
+    """A frame to play."""
+
+    table: ScanTable  #: Its table.
+    marks: Marks | None  #: Its pulses at positions; None for none.
+
+
 def learn_frame(
     stage: ScanStage, task: ScanTask, report: Callable[[FrameReport], None]
-) -> ScanTable:
-    """Return the table of the frame with the smallest error.
+) -> LearnedFrame:
+    """Return the frame with the smallest error.
 
     Args:
         stage: The stage.
@@ -94,16 +101,16 @@ def learn_frame(
         PiezodError: If a frame could not be played, or its record cannot be used.
     """
     frame = _Frame(task)
-    best = table = frame.table()
+    best = next_one = frame.next_one()
     smallest = np.inf
     for number in range(1, task.passes + 1):
         stage.rest()
-        found = frame.learn(stage.scan(table), f"frame {number}")
+        found = frame.learn(stage.scan(next_one.table), f"frame {number}")
         report(found.report)
         if found.rms > GREW * smallest:
             return best
-        best, table, smallest = table, frame.table(), min(smallest, found.rms)
-    return table
+        best, next_one, smallest = next_one, frame.next_one(), min(smallest, found.rms)
+    return next_one
 
 
 class LineSum:
@@ -111,7 +118,7 @@ class LineSum:
 
     def __init__(self, plan: ScanPlan) -> None:
         self._points = plan.points
-        size = 0 if plan.line_um is None else plan.line_um.size
+        size = len(plan.lines_um)
         self._cycle, self._cycles = np.zeros(size), 0
         self._sum = np.zeros(size // 2 + 1, np.complex128)
         self._differences, self._before = np.zeros(size // 2 + 1), self._sum
@@ -155,39 +162,45 @@ class _Frame:
 
     def __init__(self, task: ScanTask) -> None:
         self._task, self._plan = task, task.plan
-        self._line_um = task.line_um
+        self._lines_um = task.lines_um.copy()
+        # Where the swept axes are expected in a period of the line.
+        self._motion_um = task.plan.lines_um.copy()
         self._corrections = Corrections.none(task.plan)
         plan = task.plan
         self._stepped = {
             name: stepped_voltages(task.known[name], plan, plan.levels_um[:, i], task.rest_v[name])
             for i, name in enumerate(plan.axes)
-            if i > 0 or plan.is_stack
+            if i >= plan.swept
         }
         self._before: _Step | None = None
         # The first half of the frames corrects whole a line that was not learned alone.
         self._averaged = 0 if task.line_learned else -(task.passes // 2)
-        self._harmonics = None if plan.line_um is None else _harmonics(task)
+        self._harmonics = [_harmonics(task, i) for i in range(plan.swept)]
 
-    def table(self) -> ScanTable:
-        """Return the table of the next frame."""
+    def next_one(self) -> LearnedFrame:
+        """Return the next frame."""
         task, plan = self._task, self._plan
         voltages: list[AxisVoltages] = []
-        for name in plan.axes:
+        for i, name in enumerate(plan.axes):
             if name in self._stepped:
                 voltages.append(self._stepped[name])
             else:
-                assert self._line_um is not None  # noqa: S101 - only a stack has no line
                 known, rest_v = task.known[name], task.rest_v[name]
-                voltages.append(swept_voltages(known, plan, self._line_um, rest_v))
-        return scan_table(plan, voltages, self._corrections)
+                voltages.append(swept_voltages(known, plan, self._lines_um[:, i], rest_v))
+        marks, pulses = None, plan.pulses
+        marked = plan.marked
+        if marked is not None and not marked.by_device:
+            marks = Marks.of(plan, marked, self._motion_um[:, 0])
+            pulses = marks.mask(plan)
+        return LearnedFrame(scan_table(plan, voltages, self._corrections, pulses), marks)
 
     def learn(self, sweeps: Iterator[SweepSamples], label: str) -> _Found:
         """Correct the voltages by the record of a frame."""
         plan, delays_s = self._plan, self._task.sensor_delay_s
         measured, true = ErrorCount(plan), ErrorCount(plan)
         offset_um = np.zeros((plan.sweeps, len(plan.axes)))
-        size = np.zeros(plan.sweeps)
-        line = LineSum(plan)
+        size = np.zeros((plan.sweeps, plan.swept))
+        lines = [LineSum(plan) for _ in range(plan.swept)]
         for samples in sweeps:
             _require_whole(samples)
             k = samples.sweep
@@ -197,31 +210,32 @@ class _Frame:
             wanted_um = plan.pixel_means(plan.command_um(k))
             error_um = wanted_um - pixels.position_um
             offset_um[k] = np.mean(error_um, axis=0)
-            if plan.line_um is not None:
-                size[k] = _slope(wanted_um[:, 0], error_um[:, 0])
-                line.add(k, samples.position_um[:, 0])
+            for i, line in enumerate(lines):
+                size[k, i] = _slope(wanted_um[:, i], error_um[:, i])
+                line.add(k, samples.position_um[:, i])
         ways = 2 if plan.turns_back else 1
-        rms = self._correct(smoothed(offset_um, ways), smoothed(size[:, None], ways)[:, 0], line)
+        rms = self._correct(smoothed(offset_um, ways), smoothed(size, ways), lines)
         return _Found(FrameReport(label, measured.errors, true.errors), rms)
 
-    def _correct(self, offset_um: FloatArray, size: FloatArray, line: LineSum) -> float:
+    def _correct(self, offset_um: FloatArray, size: FloatArray, lines: Sequence[LineSum]) -> float:
         plan = self._plan
         offset_v, scale = (part.copy() for part in self._corrections)
         v_per_um = self._v_per_um(offset_um)
         step_um = offset_um + self._drift_um(offset_um)
         self._before = _Step(offset_um, step_um, v_per_um)
         offset_v += step_um * v_per_um
-        scale[:, 0] *= 1.0 + size
+        scale[:, : plan.swept] *= 1.0 + size
         self._corrections = Corrections(offset_v, scale)
-        shape_um = np.zeros(1)
-        if self._harmonics is not None and plan.line_um is not None and self._line_um is not None:
-            shape_um = self._shape(line, self._harmonics)
-            self._line_um = self._line_um + shape_um
-        pixel = plan.pixel_um
-        parts = [np.mean((offset_um / pixel) ** 2), np.mean((shape_um / pixel[0]) ** 2)]
-        if plan.line_um is not None:
-            swing = 0.25 * plan.pixels  # about the rms value of a line, in pixels
-            parts.append(np.mean((size * swing) ** 2))
+        parts = [np.mean((offset_um / plan.pixel_um) ** 2)]
+        # Smaller steps from frame to frame average the noise.
+        self._averaged += 1
+        for i, line in enumerate(lines):
+            shape_um = self._shape(line, i)
+            self._lines_um[:, i] += shape_um
+            pixel_um, line_um = plan.pixel_um[i], plan.lines_um[:, i]
+            parts.append(np.mean((shape_um / pixel_um) ** 2))
+            swing = 0.25 * np.ptp(line_um) / pixel_um  # about the rms value of a line, in pixels
+            parts.append(np.mean((size[:, i] * swing) ** 2))
         return float(np.sqrt(sum(parts)))
 
     def _v_per_um(self, offset_um: FloatArray) -> FloatArray:
@@ -255,11 +269,10 @@ class _Frame:
             FORESEEN * np.clip(drift_um, -MOST_DRIFT * pixel_um, MOST_DRIFT * pixel_um)
         )
 
-    def _shape(self, line: LineSum, harmonics: Harmonics) -> FloatArray:
-        """Return the correction of the line: without its mean and size, which each sweep has."""
-        plan = self._plan
-        assert plan.line_um is not None  # noqa: S101 - the caller has looked
-        target = np.fft.rfft(plan.line_um) * harmonics.sensor
+    def _shape(self, line: LineSum, place: int) -> FloatArray:
+        """Return the correction of a line: without its mean and size, which each sweep has."""
+        line_um, harmonics = self._plan.lines_um[:, place], self._harmonics[place]
+        target = np.fft.rfft(line_um) * harmonics.sensor
         mean, noise = line.spectrum()
         error = target - mean
         size = np.vdot(target[1:], error[1:]).real / np.vdot(target[1:], target[1:]).real
@@ -268,18 +281,17 @@ class _Frame:
         # What is noise in an error is not corrected: on the average its square is noise².
         power = np.abs(error) ** 2
         sure = 1.0 - np.minimum(noise**2, power) / np.where(power > 0.0, power, 1.0)
-        # Smaller steps from frame to frame average the noise.
-        self._averaged += 1
         gain = GAIN * sure / max(self._averaged, 1)
         correction = np.where(harmonics.learned, gain * error / harmonics.response, 0.0)
-        return np.fft.irfft(correction, plan.line_um.size)
+        left = (sure * error - harmonics.response * correction) / harmonics.sensor
+        self._motion_um[:, place] = line_um - np.fft.irfft(left, line_um.size)
+        return np.fft.irfft(correction, line_um.size)
 
 
-def _harmonics(task: ScanTask) -> Harmonics:
-    plan, known = task.plan, task.known[task.plan.axes[0]]
-    assert plan.line_um is not None  # noqa: S101 - only called for lines
+def _harmonics(task: ScanTask, place: int) -> Harmonics:
+    plan, known = task.plan, task.known[task.plan.axes[place]]
     frequency_hz = np.asarray(
-        np.fft.rfftfreq(plan.line_um.size, plan.interval_ns / NS_PER_S), np.float64
+        np.fft.rfftfreq(len(plan.lines_um), plan.interval_ns / NS_PER_S), np.float64
     )
     return Harmonics.known(
         frequency_hz,

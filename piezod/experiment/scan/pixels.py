@@ -53,7 +53,7 @@ def pixels_of(samples: SweepSamples, plan: ScanPlan, sensor_delay_s: FloatArray)
     """
     late = sensor_delay_s * NS_PER_S / plan.interval_ns
     shifted = np.stack(
-        [_later(samples.position_um[:, i], late[i])[: plan.active] for i in range(late.size)],
+        [later(samples.position_um[:, i], late[i])[: plan.active] for i in range(late.size)],
         axis=1,
     )
     first_ns = samples.first_ns + np.arange(plan.pixels) * plan.per_pixel * plan.interval_ns
@@ -73,7 +73,7 @@ def _largest(values: Int64Array, plan: ScanPlan) -> Int64Array:
     return np.asarray(np.max(values.reshape(plan.pixels, plan.per_pixel), axis=1))
 
 
-def _later(values: FloatArray, points: float) -> FloatArray:
+def later(values: FloatArray, points: float) -> FloatArray:
     """Return values some points later, between samples by a line; the last one is repeated."""
     at = np.arange(values.size) + points
     return np.asarray(np.interp(at, np.arange(values.size), values))
@@ -116,7 +116,9 @@ class ErrorCount:
         rows = position_um[::-1] if plan.backward(sweep) else position_um
         rows = rows[self._middle]
         errors = np.full((2, len(rows)), np.nan)
-        if plan.is_stack:
+        if plan.is_path:
+            errors = self._beside_path(rows)
+        elif plan.is_stack:
             errors[1] = (rows[:, 0] - plan.centres_um[0][plan.rows[sweep]]) / plan.pixel_um[0]
         else:
             errors[0] = (rows[:, 0] - plan.centres_um[0][self._middle]) / plan.pixel_um[0]
@@ -129,6 +131,15 @@ class ErrorCount:
         self._max = np.maximum(self._max, np.max(np.abs(errors), axis=1))
         self._squares += np.mean(errors**2, axis=1)
         self._count += 1
+
+    def _beside_path(self, position_um: FloatArray) -> FloatArray:
+        """Return the errors along and across a path, shape (2, n), in pixels."""
+        centres = np.stack(self._plan.centres_um, axis=1) / self._plan.pixel_um
+        ahead = np.gradient(centres, axis=0)[self._middle]
+        ahead /= np.hypot(*ahead.T)[:, None]
+        error = position_um / self._plan.pixel_um - centres[self._middle]
+        across = ahead[:, 0] * error[:, 1] - ahead[:, 1] * error[:, 0]
+        return np.stack((np.sum(ahead * error, axis=1), across))
 
     @property
     def errors(self) -> PixelErrors:

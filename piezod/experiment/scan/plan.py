@@ -1,17 +1,26 @@
 """The plan of a scan: where each axis is at each point of the device's clock."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from piezod.config.scan import MODE_PERIODS, AnyScan, LineScan, RasterScan, SpanConfig, StackScan
-from piezod.devices.bus.table_check import waits_problem
+from piezod.config.scan import (
+    MODE_PERIODS,
+    AnyScan,
+    LineScan,
+    RasterScan,
+    SpanConfig,
+    SpiralScan,
+    StackScan,
+)
+from piezod.devices.bus.table_check import waits_problem, way_problem
 from piezod.devices.player import EdgeWaits
 from piezod.devices.scan_table import Mask
 from piezod.errors import DataError
+from piezod.experiment.scan.spiral import Spiral, closed_path
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
 
@@ -26,6 +35,19 @@ class PlannedAxis(NamedTuple):
     delay_s: float  #: Time from a voltage to its displacement, in s.
 
 
+MOST_PATH_POINTS = 20_000
+"""Most points of a spiral with its way back: those of a sweep in a request."""
+
+
+class MarkedPositions(NamedTuple):
+    """Positions of the fast axis at which a line pulses."""
+
+    bit: int  #: The line, as a bit.
+    along_um: FloatArray  #: (k,) the positions in the order of a forward sweep, in µm.
+    backward: frozenset[bool]  #: Whether the sweeps that pulse go backward.
+    by_device: bool  #: Whether the device compares its reading; else by time.
+
+
 @dataclass(frozen=True, eq=False)
 class ScanPlan:
     """The sweeps of a scan. A sweep has `points` points; the last ones are its turn."""
@@ -35,8 +57,8 @@ class ScanPlan:
     points: int  #: Points of a sweep with its turn.
     active: int  #: Points of a sweep that count, a multiple of its pixels.
     pixels: int  #: Pixels of a sweep.
-    #: (p · points,) position of the fast axis in p sweeps, which repeat, in µm; None for a stack.
-    line_um: FloatArray | None
+    #: (p · points, swept) position of the swept axes, the first ones, in p sweeps, which repeat.
+    lines_um: FloatArray
     levels_um: FloatArray  #: (sweeps, axes) position of the other axes in each sweep, in µm.
     #: (points, axes) how far each axis has gone to its level of the next sweep, 0 to 1.
     blend: FloatArray
@@ -44,12 +66,19 @@ class ScanPlan:
     pulses: Mask  #: (points,) pulses of a sweep; empty for none.
     framed: int  #: Bit of the line that pulses with the first pixel of the frame.
     pause: int  #: Point of a sweep at which the fast axis stands still.
-    centres_um: tuple[FloatArray, ...]  #: Centres of the pixels along each axis, in µm.
+    #: Centres of the pixels along each axis, in µm; of a path those of all its pixels.
+    centres_um: tuple[FloatArray, ...]
     pixel_um: FloatArray  #: (axes,) size of a pixel along each axis, in µm.
     sweeps_per_line: int = 1  #: Sweeps of a line.
     turns_back: bool = False  #: Whether every other sweep goes backward.
     #: Where the stored frame waits for edges, counted in points of all sweeps; None for nowhere.
     edges: EdgeWaits | None = None
+    marked: MarkedPositions | None = None  #: Positions with pulses of their own.
+
+    @property
+    def sweeps_per_period(self) -> int:
+        """Number of sweeps after which the line repeats."""
+        return 2 if self.turns_back else 1
 
     @property
     def sweeps(self) -> int:
@@ -59,7 +88,17 @@ class ScanPlan:
     @property
     def is_stack(self) -> bool:
         """Whether it is a stack: a pixel is a plane."""
-        return self.line_um is None
+        return self.swept == 0
+
+    @property
+    def swept(self) -> int:
+        """Number of swept axes: 1 for lines, 2 for a path."""
+        return int(self.lines_um.shape[1])
+
+    @property
+    def is_path(self) -> bool:
+        """Whether two axes follow a path: its pixels are a list."""
+        return self.swept > 1
 
     @property
     def steps(self) -> bool:
@@ -102,9 +141,8 @@ class ScanPlan:
     def command_um(self, sweep: int) -> FloatArray:
         """Return the command of each axis at the points that count, shape (active, axes), in µm."""
         command = np.tile(self.levels_um[sweep], (self.active, 1))
-        if self.line_um is not None:
-            first = sweep % (self.line_um.size // self.points) * self.points
-            command[:, 0] = self.line_um[first : first + self.active]
+        first = sweep % self.sweeps_per_period * self.points
+        command[:, : self.swept] = self.lines_um[first : first + self.active]
         return command
 
     def positions_um(self, at: npt.NDArray[np.int64]) -> FloatArray:
@@ -118,8 +156,7 @@ class ScanPlan:
         here = self.levels_um[np.clip(sweep, 0, last)]
         after = self.levels_um[np.clip(sweep + 1, 0, last)]
         position_um = here + (after - here) * self.blend[point]
-        if self.line_um is not None:
-            position_um[:, 0] = self.line_um[at % self.line_um.size]
+        position_um[:, : self.swept] = self.lines_um[at % len(self.lines_um)]
         return position_um
 
 
@@ -134,7 +171,13 @@ def plan_scan(scan: AnyScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
         DataError: If it leaves the range of an axis, is too fast for it, or turns above its mode;
             the text has a line for each problem.
     """
-    plan = _stack(scan, axes) if isinstance(scan, StackScan) else _swept(scan, axes)
+    match scan:
+        case StackScan():
+            plan = _stack(scan, axes)
+        case SpiralScan():
+            plan = _spiral(scan, axes)
+        case _:
+            plan = _swept(scan, axes)
     problems = [*_out_of_range(scan, plan, axes), *_too_fast(plan, axes)]
     if problems:
         raise DataError("\n".join(problems))
@@ -160,7 +203,7 @@ def _swept(scan: RasterScan | LineScan, axes: Mapping[str, PlannedAxis]) -> Scan
         points=points,
         active=active,
         pixels=fast.pixels,
-        line_um=line_um,
+        lines_um=line_um[:, None],
         levels_um=levels,
         blend=_blend(scan, points, active, axes),
         rows=tuple(rows.tolist()),
@@ -173,7 +216,17 @@ def _swept(scan: RasterScan | LineScan, axes: Mapping[str, PlannedAxis]) -> Scan
         sweeps_per_line=scan.sweeps_per_line,
         turns_back=turns_back,
         edges=_edges_of(scan, points, active),
+        marked=_marked(scan),
     )
+
+
+def _marked(scan: RasterScan | LineScan) -> MarkedPositions | None:
+    at = scan.pulses.at
+    if at is None:
+        return None
+    ways = {"forward": {False}, "backward": {True}, "both": {False, True}}[at.way]
+    along_um, by_device = np.array(at.along(scan.fast)), at.by == "device"
+    return MarkedPositions(1 << (at.line - 1), along_um, frozenset(ways), by_device)
 
 
 def _stack(scan: StackScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
@@ -187,7 +240,7 @@ def _stack(scan: StackScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
         points=points,
         active=active,
         pixels=1,
-        line_um=None,
+        lines_um=np.empty((points, 0)),
         levels_um=_centres(span)[:, None],
         blend=_blend(scan, points, active, axes),
         rows=tuple(range(span.pixels)),
@@ -200,14 +253,54 @@ def _stack(scan: StackScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
     )
 
 
-def check_edges(scan: AnyScan, most: int) -> None:
-    """Refuse a scan that waits for edges more often than its device can.
+def _spiral(scan: SpiralScan, axes: Mapping[str, PlannedAxis]) -> ScanPlan:
+    interval_s, per_pixel = scan.interval_ns / NS_PER_S, scan.points_of_pixel
+    modes_hz = [mode for span in scan.spans if (mode := axes[span.axis].mode_hz) is not None]
+    # Half a turn is a turn of each axis.
+    fastest_hz = min(modes_hz, default=np.inf) / (2.0 * MODE_PERIODS)
+    path = Spiral(scan.x.pixels, per_pixel * interval_s, fastest_hz)
+    pixels = max(1, round(path.duration_s / (per_pixel * interval_s)))
+    active = pixels * per_pixel
+    points = active + max(2, round(scan.back_s / interval_s))
+    if points > MOST_PATH_POINTS:
+        raise DataError(
+            f"the spiral has {points} points of the table, allowed: {MOST_PATH_POINTS}: choose a "
+            "longer interval, fewer pixels, or a shorter pixel_s"
+        )
+    middle_um = np.array([0.5 * (span.from_um + span.to_um) for span in scan.spans])
+    size_um = np.array([(span.to_um - span.from_um) / span.pixels for span in scan.spans])
+    lines_um = middle_um + size_um * closed_path(path.at, active, points, interval_s)
+    pulses, framed = _pulses(scan, points, active, pixels)
+    centres_um = np.mean(lines_um[:active].reshape(pixels, per_pixel, 2), axis=1)
+    return ScanPlan(
+        axes=tuple(span.axis for span in scan.spans),
+        interval_ns=scan.interval_ns,
+        points=points,
+        active=active,
+        pixels=pixels,
+        lines_um=lines_um,
+        levels_um=np.zeros((1, 2)),
+        blend=_blend(scan, points, active, axes),
+        rows=(0,),
+        pulses=pulses,
+        framed=framed,
+        pause=points,
+        centres_um=(centres_um[:, 0], centres_um[:, 1]),
+        pixel_um=_pixels(scan),
+        edges=_edges_of(scan, points, active),
+    )
+
+
+def check_device(scan: AnyScan, most_waits: int, pulses_at: Sequence[str]) -> None:
+    """Refuse a scan that waits for edges, or pulses at positions, as its device cannot.
 
     Raises:
         DataError: If it does.
     """
-    waits = _edges_of(scan, 1, 1)
-    if waits is not None and (why := waits_problem(waits, most)):
+    waits, at = _edges_of(scan, 1, 1), scan.pulses.at
+    if at is not None and (why := way_problem(at.by, pulses_at)):
+        raise DataError(f"pulses.at: {why}")
+    if waits is not None and (why := waits_problem(waits, most_waits)):
         raise DataError(f"{'step' if waits.first else 'start'}: {why}")
 
 
@@ -292,15 +385,13 @@ def _pulses(scan: AnyScan, points: int, active: int, pixels: int) -> tuple[Mask,
 def _out_of_range(scan: AnyScan, plan: ScanPlan, axes: Mapping[str, PlannedAxis]) -> Iterator[str]:
     for place, span in enumerate(scan.spans):
         low_um, high_um = axes[span.axis].range_um
-        moved = plan.levels_um[:, place]
-        if place == 0 and plan.line_um is not None:
-            moved = plan.line_um
+        moved = (plan.lines_um if place < plan.swept else plan.levels_um)[:, place]
         lowest_um, highest_um = float(np.min(moved)), float(np.max(moved))
         if lowest_um < low_um - 1e-9 or highest_um > high_um + 1e-9:
             yield (
                 f"axis {span.axis} would move from {lowest_um:.4g} to {highest_um:.4g} µm with its "
                 f"turns, allowed range {low_um:.4g} to {high_um:.4g} µm: scan less, or shorten "
-                "the turns (turn_share)"
+                "the turns (turn_share, back_s)"
             )
 
 
@@ -309,10 +400,11 @@ def _too_fast(plan: ScanPlan, axes: Mapping[str, PlannedAxis]) -> Iterator[str]:
     turn_s = (plan.points - plan.active) * interval_s
     for place, name in enumerate(plan.axes):
         known = axes[name]
-        swept = place == 0 and plan.line_um is not None
+        swept = place < plan.swept
         steps = np.abs(np.diff(plan.levels_um[:, place]))
-        if swept and plan.line_um is not None:
-            speed = float(np.max(np.abs(np.diff(plan.line_um, append=plan.line_um[0]))))
+        if swept:
+            line_um = plan.lines_um[:, place]
+            speed = float(np.max(np.abs(np.diff(line_um, append=line_um[0]))))
         else:
             speed = float(np.max(steps, initial=0.0) * np.max(np.diff(plan.blend[:, place])))
         if speed / interval_s > known.speed_um_per_s:
@@ -326,5 +418,5 @@ def _too_fast(plan: ScanPlan, axes: Mapping[str, PlannedAxis]) -> Iterator[str]:
                 f"a turn of {1000.0 * turn_s:.3g} ms excites the first mode of axis {name}, "
                 f"{known.mode_hz:.4g} Hz, allowed: at least "
                 f"{1000.0 * MODE_PERIODS / known.mode_hz:.3g} ms: scan more slowly, or give the "
-                "turns a larger share (turn_share, move_s)"
+                "turns a larger share (turn_share, move_s, back_s)"
             )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
-from piezod.config.scan import AnyScan, LineScan, RasterScan, StackScan
+from piezod.config.scan import AnyScan, LineScan, RasterScan
 from piezod.control.law.dynamics import lowest_mode_hz
 from piezod.control.law.model import StageModel
 from piezod.control.law.response_files import response_model
@@ -20,12 +20,14 @@ from piezod.experiment.play.record import BadRecordError, Flaw
 from piezod.experiment.play.stored import find_table, store_table
 from piezod.experiment.play.task import KnownAxis, PlaySettings
 from piezod.experiment.scan.edges import edge_notes, place_of
-from piezod.experiment.scan.learn import FrameReport, ScanTask, learn_frame
+from piezod.experiment.scan.learn import FrameReport, LearnedFrame, ScanTask, learn_frame
 from piezod.experiment.scan.pixels import ErrorCount, SweepPixels, SweepSamples, pixels_of
 from piezod.experiment.scan.plan import PlannedAxis, ScanPlan
+from piezod.experiment.scan.positions import PulseErrors, compared, way_of
 from piezod.experiment.scan.stage import ScanStage
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.scan_file import ScanFile, ScanHeader, SweptPixels
+from piezod.units import NS_PER_S
 
 SETTLE_S, RECORD_S = 2.0, 1.0
 """Time of the line before the periods that count, and of those, while it is learned alone."""
@@ -48,9 +50,11 @@ class ScanResult:
 
     file: Path  #: The file.
     plan: ScanPlan  #: Its plan.
-    #: The line learned alone; None for a stack, or if the device has no memory for it.
+    #: The line of the first axis, learned alone; None for a stack, or without memory for it.
     line: LearnedPlay | None
     frames: tuple[FrameReport, ...]  #: All frames; the last one is stored.
+    #: Pulses at positions: number, way, and how far off they were; None for none.
+    pulses: Mapping[str, float | str] | None = None
 
 
 class ScanSetting(NamedTuple):
@@ -125,31 +129,52 @@ def run_scan(  # noqa: PLR0913, PLR0917 - each is a part of its own
         PiezodError: If a play fails, or its record cannot be used.
         OSError: If the file cannot be written.
     """
-    line = None
-    if not isinstance(scan, StackScan):
-        line = _learned_line(scan, plan, axes[plan.axes[0]], known, told, setting.tables)
-    task = ScanTask(
-        plan,
-        known,
-        {name: axes[name].conditions.rest_v for name in plan.axes},
-        plan.line_um if line is None else line.wanted_um,
-        line is not None,
-        scan.passes,
-    )
+    lines = [
+        _learned_line(scan, plan, i, axes[name], known[name], told, setting.tables)
+        for i, name in enumerate(plan.axes[: plan.swept])
+    ]
+    lines_um = plan.lines_um.copy()
+    for i, line in enumerate(lines):
+        if line is not None:
+            lines_um[:, i] = line.wanted_um
+    rest_v = {name: axes[name].conditions.rest_v for name in plan.axes}
+    task = ScanTask(plan, known, rest_v, lines_um, None not in lines, scan.passes)
     frames: list[FrameReport] = []
 
     def report(frame: FrameReport) -> None:
         frames.append(frame)
         told.frame(frame)
 
-    table = learn_frame(stage, task, report)
+    learned = learn_frame(stage, task, report)
     stage.rest()
     header = scan_header(scan, plan, inputs, setting)
+    stored, pulses = _stored(task, learned, stage, header, setting, told)
+    report(stored)
+    return ScanResult(setting.file, plan, lines[0] if lines else None, tuple(frames), pulses)
+
+
+def _stored(
+    task: ScanTask,
+    learned: LearnedFrame,
+    stage: ScanStage,
+    header: ScanHeader,
+    setting: ScanSetting,
+    told: Told,
+) -> tuple[FrameReport, Mapping[str, float | str] | None]:
+    """Play the learned frame, and store it; return its errors, and those of its pulses."""
+    plan, delays_s, errors = task.plan, task.sensor_delay_s, None
+    table = learned.table
     if plan.edges is not None:
         table = table._replace(edges=plan.edges, tail=plan.tail)
+    if (marked := plan.marked) is not None:
+        errors = PulseErrors(plan, marked, learned.marks, float(delays_s[0]))
+        table = table._replace(compared=compared(plan, marked, errors.delay_s))
     sweeps, seen = stage.scan(table), lambda: stage.edges
-    report(store_frame(sweeps, plan, task.sensor_delay_s, header, setting.file, told, seen))
-    return ScanResult(setting.file, plan, line, tuple(frames))
+    stored = store_frame(sweeps, plan, delays_s, header, setting.file, told, seen, errors)
+    if errors is None:
+        return stored, None
+    told.note(errors.text)
+    return stored, errors.document
 
 
 def scan_header(
@@ -173,42 +198,47 @@ def scan_header(
         by_loop=scan.mode is not None,
         edges=plan.edges is not None,
         units=setting.units,
+        path=plan.is_path,
+        pulses="" if plan.marked is None else way_of(plan.marked),
     )
 
 
 def _learned_line(
-    scan: RasterScan | LineScan,
+    scan: AnyScan,
     plan: ScanPlan,
+    place: int,
     axis: PlayingAxis,
-    known: Mapping[str, KnownAxis],
+    known: KnownAxis,
     told: Told,
     tables: Path | None,
 ) -> LearnedPlay | None:
-    """Learn the line; None if the device has no memory for that: the frames learn it then."""
-    assert plan.line_um is not None  # noqa: S101 - a stack has no line
-    fast = scan.fast
-    name = f"line {fast.from_um:g} to {fast.to_um:g} um, {scan.lines_per_s:g} per s"
-    command = PeriodicCommand(name, plan.line_um, plan.interval_ns)
+    """Learn a line; None if the device has no memory for that: the frames learn it then."""
+    span, per_s = scan.spans[place], NS_PER_S / (plan.points * plan.interval_ns)
+    name = f"{scan.kind} {span.from_um:g} to {span.to_um:g} um, {per_s:.6g} per s"
+    if isinstance(scan, RasterScan | LineScan):
+        name = f"line {span.from_um:g} to {span.to_um:g} um, {scan.lines_per_s:g} per s"
+    command = PeriodicCommand(name, plan.lines_um[:, place], plan.interval_ns)
     first_um: FloatArray | None = None
     if tables is not None:
         first_um, text = find_table(tables, axis.conditions, command)
         told.note(text)
     settings = PlaySettings(scan.passes, SETTLE_S, RECORD_S)
-    task = known[plan.axes[0]].task(command, settings, first_um)
+    task = known.task(command, settings, first_um)
     try:
         learned = learn(axis.stage, task, told.line)
     except (BadRecordError, DeviceError, RefusedError) as error:
         if isinstance(error, BadRecordError) and error.flaw is not Flaw.SHORT:
             raise
         # An error of another cause comes again with the frame.
-        told.note(f"the line is not learned alone, but in the frames: {error}")
+        then = "only its offset and size, in the frames" if plan.is_path else "but in the frames"
+        told.note(f"the line is not learned alone, {then}: {error}")
         return None
     if tables is not None:
         told.note(f"stored as {store_table(tables, learned, axis.conditions)}")
     return learned
 
 
-def store_frame(
+def store_frame(  # noqa: PLR0913, PLR0917 - each is a part of its own
     sweeps: Iterable[SweepSamples],
     plan: ScanPlan,
     sensor_delay_s: FloatArray,
@@ -216,6 +246,7 @@ def store_frame(
     file: Path,
     told: Told,
     edges: Callable[[], Sequence[SeenEdge]] = tuple,
+    pulses: PulseErrors | None = None,
 ) -> FrameReport:
     """Store a frame sweep by sweep, as it comes; return its errors.
 
@@ -227,6 +258,7 @@ def store_frame(
         file: Path of the file; it must not exist.
         told: Who is told what.
         edges: Returns the edges that were seen, for a plan that waits for some.
+        pulses: Adds up the errors of pulses at positions; None without them.
 
     Raises:
         PiezodError: If a sweep could not be had.
@@ -240,7 +272,7 @@ def store_frame(
                 pixels = pixels_of(samples, plan, sensor_delay_s)
                 k = pixels.sweep
                 swept = _swept(pixels, plan)
-                written.append(swept)
+                written.append(swept, None if pulses is None else pulses.add(samples))
                 measured.add(k, pixels.position_um)
                 true.add(k, pixels.true_um)
                 told.sweep(swept, (k + 1) / plan.sweeps, plan.n_rows)

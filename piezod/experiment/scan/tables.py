@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piezod.devices.scan_table import ScanTable
+from piezod.devices.scan_table import Mask, ScanTable
 from piezod.experiment.play.task import KnownAxis, static_gain
 from piezod.experiment.scan.plan import ScanPlan
 from piezod.hysteresis.memory import FloatArray
@@ -69,7 +69,7 @@ class Corrections(NamedTuple):
 
 
 def scan_table(
-    plan: ScanPlan, voltages: Sequence[AxisVoltages], corrections: Corrections
+    plan: ScanPlan, voltages: Sequence[AxisVoltages], corrections: Corrections, pulses: Mask
 ) -> ScanTable:
     """Return the table of a scan; all lead-ins end together.
 
@@ -77,6 +77,7 @@ def scan_table(
         plan: The plan.
         voltages: Voltages of each axis, in the order of the plan.
         corrections: Corrections of the frame.
+        pulses: (q · points,) its pulses.
     """
     longest = max(axis.lead_in_v.size for axis in voltages)
     lead_in_v = np.stack(
@@ -104,7 +105,7 @@ def scan_table(
         offset_v=offset_v,
         scale=corrections.scale,
         blend=plan.blend,
-        pulses=plan.pulses,
+        pulses=pulses,
         framed=plan.framed,
         frame_points=plan.high,
         pause=plan.pause,

@@ -15,7 +15,7 @@ from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.scan.by_loop import or_by_loop
 from piezod.experiment.scan.edges import sweep_ns
 from piezod.experiment.scan.pixels import SweepSamples
-from piezod.experiment.scan.plan import check_edges, plan_scan
+from piezod.experiment.scan.plan import check_device, plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,
@@ -108,7 +108,7 @@ def scan_virtually(
     with opened(config, lambda _: None) as stage:
         with or_by_loop():
             played = stage.played_scan(names)
-        check_edges(scan, played.capabilities.edge_waits)
+        check_device(scan, played.capabilities.edge_waits, played.capabilities.pulses_at)
         identified = identify_axes(stage, config)
         planned = {
             name: planned_axis(identified[name].config, identified[name].model) for name in names

@@ -1,5 +1,6 @@
 """The figure of a scan: its pictures, side by side."""
 
+import math
 from typing import Final
 
 from matplotlib.axes import Axes
@@ -9,6 +10,8 @@ from piezod.records.figures.style import POSITION, house_style, new_figure
 from piezod.records.frozen import FloatArray
 from piezod.records.scan_file import BACKWARD, StoredScan
 
+_DISK_POINTS: Final = 300.0
+"""Width of a disk in a figure, about, in points."""
 MOST_SHOWN: Final = 2000
 """Largest number of rows, and of columns, that are drawn."""
 
@@ -22,7 +25,9 @@ def scan_figure(scan: StoredScan) -> Figure:
         axes = figure.add_subplot(1, count, place + 1)
         way = "backward" if name.endswith(BACKWARD) else ""
         axes.set_title(" ".join(filter(None, (name.removesuffix(BACKWARD), way))))
-        if picture.ndim == 1:
+        if picture.ndim == 1 and len(scan.scales) > 1:
+            _draw_path(figure, axes, scan, picture)
+        elif picture.ndim == 1:
             _draw_curve(axes, scan, picture)
         else:
             _draw_picture(figure, axes, scan, picture)
@@ -33,6 +38,16 @@ def _draw_curve(axes: Axes, scan: StoredScan, values: FloatArray) -> None:
     (name, scale_um), *_ = scan.scales
     axes.plot(scale_um, values, marker=".", **POSITION)
     axes.set_xlabel(_label(scan, name))
+
+
+def _draw_path(figure: Figure, axes: Axes, scan: StoredScan, values: FloatArray) -> None:
+    (of_x, x_um), (of_y, y_um) = scan.scales
+    axes.grid(visible=False)
+    across = math.sqrt(4.0 * values.size / math.pi)  # pixels across a disk of as many
+    dots = axes.scatter(x_um, y_um, s=(_DISK_POINTS / across) ** 2, c=values, cmap="viridis")
+    axes.margins(0.03)
+    axes.set(xlabel=_label(scan, of_x), ylabel=_label(scan, of_y), aspect="equal")
+    figure.colorbar(dots, ax=axes, shrink=0.8)
 
 
 def _draw_picture(figure: Figure, axes: Axes, scan: StoredScan, picture: FloatArray) -> None:

@@ -20,6 +20,7 @@ class ScanDialog extends JobDialog {
       lines_per_s: numberInput(5, { min: 0.001 }), interval_us: numberInput(50, { min: 0.1 }), passes: numberInput(3, { min: 0, max: 20, step: 1 }),
     };
     this.pulses = { pixel: pulseInput(), line: pulseInput(), frame: pulseInput() };
+    this.at = { line: pulseInput(), step_um: el("input", { type: "number", min: 0, step: "any" }) };
     const { lines_per_s, interval_us, passes } = this.numbers;
     this.outline = el("div");
     this.context.call("GET", "/v1/config").then((config) => this.#take(config), () => {});
@@ -33,6 +34,7 @@ class ScanDialog extends JobDialog {
       el("details", {}, el("summary", {}, "Table and pulses"), el(
         "div", { class: "fields" }, field("Interval of the table", interval_us, "µs"),
         ...Object.entries(this.pulses).map(([name, input]) => field(`Line of pulses, ${name}`, input)),
+        field("Line of pulses, positions", this.at.line), field("Step of positions", this.at.step_um, "µm"),
       )),
       this.outline,
     );
@@ -78,6 +80,8 @@ class ScanDialog extends JobDialog {
   wanted() {
     const spans = Object.fromEntries(Object.entries(this.spans).map(([name, { axis, units, ...numbers }]) => [name, { axis: axis.value, ...values(numbers) }]));
     const pulses = Object.fromEntries(Object.entries(values(this.pulses)).filter(([, line]) => Number.isFinite(line)));
+    const at = values(this.at);
+    if (Number.isFinite(at.line) || Number.isFinite(at.step_um)) pulses.at = at;
     const by = this.by.value ? { mode: this.by.value } : { pulses };
     return { axis: spans.fast.axis, scan: { kind: "raster", ...spans, sweeps: this.sweeps.value, ...values(this.numbers), ...by } };
   }

@@ -33,8 +33,8 @@ def test_examples_of_the_page_are_valid(example: str) -> None:
 
 
 def test_there_are_examples() -> None:
-    """The page has examples of a positioner, of two channels, of a sketch, and of a stream."""
-    assert len(EXAMPLES) == 4
+    """There is one of a positioner, of two channels, a sketch, a MicroPython, and a stream."""
+    assert len(EXAMPLES) == 5
 
 
 def test_example_of_a_sketch_speaks_with_it() -> None:

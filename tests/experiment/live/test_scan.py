@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from piezod.control.stage.drive_requests import scan_table
-from piezod.devices.player import EdgeWaits
+from piezod.devices.player import Comparison, EdgeWaits
 from piezod.devices.scan_table import ScanTable
 from piezod.experiment.live.scan import RunningScanStage
 from piezod.experiment.live.stage import LiveStage
@@ -116,6 +116,16 @@ def test_the_loop_plays_the_table_of_the_client() -> None:
     assert (got.axes, got.interval_ns, got.pause) == (sent.axes, sent.interval_ns, sent.pause)
 
 
+def test_a_device_compares_readings_not_displacements() -> None:
+    """The zero of the first sensor is added on the way to the loop."""
+    fake, on = stage()
+    list(on.scan(table()._replace(compared=Comparison(4, 0, 2.0, 7.0, 0.5))))
+    request = decode(encode(rq.Scan.model_validate(_tupled(fake.request))))
+    assert isinstance(request, rq.Scan)
+
+    assert scan_table(request).compared == Comparison(4, 0, 3.0, 8.0, 0.5)
+
+
 def _tupled(value: object) -> object:
     if isinstance(value, dict):
         return {key: _tupled(each) for key, each in value.items()}
@@ -150,3 +160,22 @@ def test_no_step_exceeds_the_bound_that_the_guard_judges() -> None:
         for place in range(2):
             steps = np.abs(np.diff(every[:, place]))
             assert steps.max() <= given.largest_step_v(place) + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("pulses", (1,) * (POINTS + 1), f"{POINTS} or {2 * POINTS} are needed"),
+        ("compared", {"line": 1, "first_um": 5, "last_um": 2, "step_um": 1}, "does not lead"),
+    ],
+)
+def test_wrong_pulses_of_a_request_are_named(field: str, value: object, words: str) -> None:
+    """A mask has the points of a sweep, or of the whole line; steps lead from first to last."""
+    fake, on = stage()
+    list(on.scan(table()._replace(pulses=np.ones(2 * POINTS, np.uint8))))
+    request = _tupled(fake.request)
+    assert isinstance(request, dict)
+    rq.Scan.model_validate(request)
+
+    with pytest.raises(ValueError, match=words):
+        rq.Scan.model_validate({**request, field: value})

@@ -11,9 +11,8 @@ from tests.experiment.scan.test_plan import AXES, raster
 
 def samples(plan: ScanPlan, sweep: int, late: int = 0) -> SweepSamples:
     """Return a sweep that is exactly on its command, measured some points late."""
-    assert plan.line_um is not None
     first = sweep % 2 * plan.points
-    x = np.roll(plan.line_um, late)[first : first + plan.points]
+    x = np.roll(plan.lines_um[:, 0], late)[first : first + plan.points]
     position = np.stack((x, np.full(plan.points, plan.levels_um[sweep, 1])), axis=1)
     counts = np.arange(plan.points, dtype=np.float64)[:, None]
     begin_ns = sweep * plan.points * plan.interval_ns

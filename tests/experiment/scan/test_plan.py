@@ -25,8 +25,7 @@ def raster(**other: object) -> RasterScan:
 
 def position_um(plan: ScanPlan) -> np.ndarray:
     """Return two periods of the fast axis."""
-    assert plan.line_um is not None
-    return np.tile(plan.line_um, 2)
+    return np.tile(plan.lines_um[:, 0], 2)
 
 
 @pytest.mark.parametrize("sweeps", ["forward", "snake", "both"])

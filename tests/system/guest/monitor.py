@@ -46,7 +46,7 @@ class Monitor:
         return self.command("device_del", id=identity)
 
     def command(self, command: str, **arguments: str) -> str:
-        """Send a command; return `ok` or why it failed."""
+        """Send a command; return what it printed, `ok` if nothing, or why it failed."""
         document: dict[str, Any] = {"execute": command}
         if arguments:
             document["arguments"] = arguments
@@ -59,7 +59,7 @@ class Monitor:
                 return str(answer["error"]["desc"])
             awaited -= {*answer, answer.get("event")}
             if not awaited:
-                return "ok"
+                return str(answer.get("return") or "ok")
         raise AssertionError("QEMU has ended")
 
 

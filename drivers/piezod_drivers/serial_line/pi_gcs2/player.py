@@ -108,6 +108,7 @@ class Gcs2Player:
             records_with_play=True,
             at_end=self._at_end,
             pulse_lines=self._pulse_lines,
+            pulses_at=("time", "device") if self._pulse_lines else (),
         )
 
     def load(self, table: Table, check: Check) -> Table:
@@ -134,6 +135,8 @@ class Gcs2Player:
         if self._pulse_lines:
             high = wave_arrays.high_points(table)
             self._requests.set_pulses(self._pulse_lines, high, check)
+        if (own := table.compared) is not None:
+            self._requests.compare(own, self._host.wiring.inputs[own.input])
         self._table = wave_arrays.table_of(table, held)
         return self._table
 
@@ -215,6 +218,8 @@ class Gcs2Player:
         from piezod_drivers.serial_line import wave_arrays  # noqa: PLC0415 - numpy
 
         table, n_inputs = self._require_table(), len(self._host.wiring.inputs)
+        if table.compared is not None:  # the way to rest passes the positions, too
+            self._requests.follow_generators(table.compared.line)
         n_points = min(table.n_points, self.capabilities().record_points)
         tables = [str(i + 1) for i in range(n_inputs + len(self._host.numbers))]
         length = self._requests.record_length()

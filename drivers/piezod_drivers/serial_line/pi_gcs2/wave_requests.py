@@ -8,7 +8,7 @@ from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
-from piezod.devices.player import Check
+from piezod.devices.player import Check, Comparison
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.gcs.reply import GcsReply
@@ -21,6 +21,8 @@ TRIGGERS_PER_LINE: Final = 10
 """Points of pulses in a command, three arguments each."""
 TRIGGER_MODE, BY_GENERATOR = 3, 4
 """Parameter of a digital output, and its value: it follows the wave generators."""
+STEP, AXIS, BY_DISTANCE, START_THRESHOLD, STOP_THRESHOLD = 1, 2, 0, 8, 9
+"""Parameters of an output that pulses by the position of an axis, and its mode."""
 PER_REPLY: Final = 200
 """Points in a reply with many values."""
 IS_PLAYING: Final = b"\x09"
@@ -149,11 +151,22 @@ class WaveRequests:
         """
         self.do(b"TWC\n")
         for line in range(1, lines + 1):
-            self.do(f"CTO {line} {TRIGGER_MODE} {BY_GENERATOR}\n".encode())
+            self.follow_generators(line)
         for first in range(0, len(high), TRIGGERS_PER_LINE):
             check()
             part = high[first : first + TRIGGERS_PER_LINE]
             self.do(f"TWS{''.join(f' {line} {point} 1' for line, point in part)}\n".encode())
+
+    def follow_generators(self, line: int) -> None:
+        """Let a digital output be high at points of the waves from now on."""
+        self.do(f"CTO {line} {TRIGGER_MODE} {BY_GENERATOR}\n".encode())
+
+    def compare(self, own: Comparison, axis: str) -> None:
+        """Let a digital output pulse by the position of an axis from now on."""
+        values = (f"{abs(own.step):.6f}", f"{own.first:.6f}", f"{own.last:.6f}")
+        pairs = zip((STEP, START_THRESHOLD, STOP_THRESHOLD), values, strict=True)
+        settings = ((AXIS, axis), (TRIGGER_MODE, BY_DISTANCE), *pairs)
+        self.do(f"CTO{''.join(f' {own.line} {key} {value}' for key, value in settings)}\n".encode())
 
     def record_length(self) -> int:
         """Return the number of recorded points."""

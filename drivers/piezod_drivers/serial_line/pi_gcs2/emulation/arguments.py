@@ -22,6 +22,18 @@ def whole(text: str) -> int:
         raise GcsRefusal(_NOT_A_NUMBER) from None
 
 
+def number(text: str) -> float:
+    """Return a decimal number.
+
+    Raises:
+        GcsRefusal: If it is none.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise GcsRefusal(_NOT_A_NUMBER) from None
+
+
 def pairs(text: str, convert: Callable[[str], ValueT]) -> list[tuple[str, ValueT]]:
     """Return identifiers with the value behind each.
 

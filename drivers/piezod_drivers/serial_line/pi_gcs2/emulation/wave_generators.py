@@ -125,6 +125,7 @@ class WaveGenerators:
                     self._next_point(i, each, t_ns)
             # The point of the first generator counts; all that play together have the same.
             self.triggers.at(self.generators[0].point if self.running() else 0)
+        self.triggers.measured(self._positions_um)
         self.recorder.record(len(self._axes))
         self._cycle += 1
 
