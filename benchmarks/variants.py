@@ -2,27 +2,29 @@
 
     python -m benchmarks.variants [--seeds 1 2 3 4 5] [--csv FILE] [STAGE ...]
     python -m benchmarks.variants --limits [--seeds 1] [--csv FILE] [STAGE ...]
-    python -m benchmarks.variants --foreign [--small] [--seeds 1 2 3 4 5] [--csv FILE]
+    python -m benchmarks.variants --foreign [--small | --closed] [--seeds 1 2 3 4 5] [--csv FILE]
 
 Prints for each stage and specimen the worst of the three cases in % of the range of a case, and at
 the end of each stage the worst of its specimens. One specimen takes about half a minute. With
 `--limits` it prints the errors of the stages that miss a target, and those without the effect that
 limits them; with `--foreign` those of the stages that no model describes; with `--small` those of
-loops of 2 to 10 % of the travel, in % of the loop. `--csv` writes the worst of each stage:
+loops of 2 to 10 % of the travel, in % of the loop; with `--closed` those of mode `closed` at 10 kHz
+with the sensor of `closed.yaml`, which takes two minutes. `--csv` writes the worst of each stage:
 `docs/measured/specimens.csv` and `limits.csv` are such files.
 """
 
 import argparse
 import csv
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from piezod.config.experiment import ExperimentConfig
 from piezod.config.modes import Mode
 from piezod.errors import DataError
 from piezod.experiment.virtual.run import run_experiment
 from piezod.plant.variants import VARIANTS
-from tests.experiment.beyond import FOREIGN, LIMITS, experiment_of, small_loops
+from tests.experiment.beyond import FOREIGN, LIMITS, closed, experiment_of, small_loops
 
 MODES = (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
 METRIC = "true_tracking_max_pct"
@@ -51,32 +53,42 @@ class Line(NamedTuple):
         return f"{self.variant:22} {self.seed:>5} {errors}  {self.lifted}".rstrip()
 
 
-def worst_pct(variant: str, seed: int, *, small: bool = False, **rig: Any) -> list[float]:
+Change = Callable[[ExperimentConfig], ExperimentConfig]
+"""Makes another experiment of the one of a stage."""
+
+
+def _all_modes(config: ExperimentConfig) -> ExperimentConfig:
+    return config.model_copy(update={"modes": MODES})
+
+
+def _small_loops(config: ExperimentConfig) -> ExperimentConfig:
+    return small_loops(_all_modes(config))
+
+
+def worst_pct(variant: str, seed: int, changed: Change = _all_modes, **rig: Any) -> list[float]:
     """Return the worst true tracking error of each mode, in %.
 
     Args:
         variant: Name of the variant.
         seed: Seed of the specimen.
-        small: Whether the cases are small loops.
+        changed: Makes the experiment of that of the stage.
         rig: Further options of the rig.
     """
-    config = experiment_of(variant, seed, **rig).model_copy(update={"modes": MODES})
-    if small:
-        config = small_loops(config)
+    config = changed(experiment_of(variant, seed, **rig))
     result = run_experiment(config, "", config.title, lambda _label, _share: None)
     return [
         max(each.metrics[METRIC] for each in result.recordings if each.mode == mode)
-        for mode in MODES
+        for mode in config.modes
     ]
 
 
-def lines(variants: list[str], seeds: list[int], *, small: bool = False) -> Iterator[Line]:
+def lines(variants: list[str], seeds: list[int], changed: Change = _all_modes) -> Iterator[Line]:
     """Yield the lines of the table."""
     for variant in variants:
         rows = []
         for seed in seeds:
             try:
-                rows.append(worst_pct(variant, seed, small=small))
+                rows.append(worst_pct(variant, seed, changed))
             except DataError as error:  # a slow amplifier may not reach the range of the cases
                 yield Line(variant, str(seed), [], f"refused: {error}")
             else:
@@ -102,11 +114,11 @@ def _worst_of(variant: str, seeds: list[int], **rig: Any) -> list[float]:
     return [max(column) for column in zip(*rows, strict=True)]
 
 
-def write_csv(path: Path, table: list[Line]) -> None:
+def write_csv(path: Path, table: list[Line], modes: Sequence[Mode]) -> None:
     """Write the worst of each stage."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("stage", "changed", *MODES))
+        writer.writerow(("stage", "changed", *modes))
         for line in table:
             if line.seed == WORST:
                 errors = (f"{error:.2f}" for error in line.errors_pct)
@@ -120,20 +132,26 @@ def main() -> None:
     parser.add_argument("--limits", action="store_true", help="without what limits the errors")
     parser.add_argument("--foreign", action="store_true", help="stages that no model describes")
     parser.add_argument("--small", action="store_true", help="small loops, in %% of the loop")
+    parser.add_argument("--closed", action="store_true", help="mode closed, at 10 kHz")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the worst ones there, too")
     parser.add_argument("variants", nargs="*", metavar="STAGE")
     arguments = parser.parse_args()
     seeds = arguments.seeds or ([1] if arguments.limits else [1, 2, 3, 4, 5])
     variants = arguments.variants or list(FOREIGN if arguments.foreign else VARIANTS)
-    small = arguments.small
-    table = limits(variants, seeds) if arguments.limits else lines(variants, seeds, small=small)
-    print(f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in MODES))
+    changed: Change = _all_modes
+    modes: Sequence[Mode] = MODES
+    if arguments.small:
+        changed = _small_loops
+    if arguments.closed:
+        changed, modes = closed, (Mode.CLOSED,)
+    table = limits(variants, seeds) if arguments.limits else lines(variants, seeds, changed)
+    print(f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in modes))
     found = []
     for line in table:
         print(line, flush=True)
         found.append(line)
     if arguments.csv:
-        write_csv(arguments.csv, found)
+        write_csv(arguments.csv, found, modes)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import Sequence, Sum
 from piezod.devices import registry
 from piezod.plant.variants import VARIANTS
@@ -102,6 +103,19 @@ def experiment_of(variant: str, seed: int = 1, **rig: Any) -> ExperimentConfig:
             "devices": {"rig": device.model_copy(update={"options": options})},
         }
     )
+
+
+def closed(config: ExperimentConfig) -> ExperimentConfig:
+    """Return an experiment with its stage and cases in the loop of `closed.yaml`, at 10 kHz."""
+    fast = load_experiment(EXPERIMENTS / "closed.yaml", registry)
+    (device,), (of_fast,) = config.devices.values(), fast.devices.values()
+    sensor = of_fast.options.model_dump(exclude_unset=True)["sensor"]
+    options = {**device.options.model_dump(exclude_unset=True), "sensor": sensor}
+    devices = {
+        "rig": device.model_copy(update={"options": type(device.options).model_validate(options)})
+    }
+    update = {"seed": config.seed, "devices": devices, "cases": config.cases}
+    return fast.model_copy(update={**update, "modes": (Mode.CLOSED,)})
 
 
 def small_loops(config: ExperimentConfig) -> ExperimentConfig:
