@@ -144,6 +144,7 @@ def main() -> None:
         changed = _small_loops
     if arguments.closed:
         changed, modes = closed, (Mode.CLOSED,)
+        variants = [each for each in variants if each != "bipolar"]  # it is identified from 0 V
     table = limits(variants, seeds) if arguments.limits else lines(variants, seeds, changed)
     print(f"{'stage':22} {'seed':>5} " + " ".join(f"{mode:>12}" for mode in modes))
     found = []
