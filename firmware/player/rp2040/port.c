@@ -25,7 +25,7 @@ enum { TX, RX, LINES, EDGE = 6, MISO = 16, DAC, SCK, MOSI, ADC0, ADC1 };
 
 static volatile enum clock awaited; /* what the next edge does; CLOCK_NOW: nothing */
 static volatile bool told;          /* whether edges are told to the core */
-static struct {
+static volatile struct {
     uint32_t us;
     bool used;
 } edges[EDGES]; /* that are not told yet */
