@@ -60,14 +60,18 @@ class Rp2040(Emulator):
         self._chip.kill()
         self._chip.communicate()
 
-    def run(self, run_us: int, feed: bytes = b"", *, edge: bool = False) -> bytes:
+    def run(self, run_us: int, feed: bytes = b"", **more: object) -> bytes:
         """Let time pass on the board; return what it sends meanwhile."""
         assert self._chip.stdin is not None
         assert self._chip.stdout is not None
-        request = {"feed": feed.hex(), "run_us": run_us, "edge": edge}
+        request = {"feed": feed.hex(), "run_us": run_us, **more}
         print(json.dumps(request), file=self._chip.stdin, flush=True)
         self.seen = json.loads(self._chip.stdout.readline())
         return bytes.fromhex(self.seen["sent"])
+
+    def camera(self, *edges_us: float) -> None:
+        """Give edges at the trigger input at times from now, in us."""
+        self.run(0, edges_us=edges_us)
 
     def receive(self, data: bytes) -> list[bytes]:
         """Let the firmware take bytes, and return what it sends."""

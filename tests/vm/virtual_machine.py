@@ -72,5 +72,6 @@ def _command(image: Image, folder: Path, share: Path, far_end: str) -> list[str]
         *("-object", "can-bus,id=bus"),
         *("-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus"),
         *("-device", "qemu-xhci,id=usb"),
+        *("-chardev", "null,id=printer", "-device", "isa-parallel,chardev=printer"),
         *("-chardev", f"serial,id={BEHIND_USB},path={far_end}"),
     ]

@@ -14,7 +14,6 @@
 #endif
 #define PORT_LONGEST 65535
 #define PORT_NAME_SIZE 8
-#define PORT_EDGES 1
 #define PORT_NOINIT __attribute__((section(".noinit")))
 
 #endif

@@ -41,7 +41,7 @@ static const char *identify(const char *at)
     say("lowest", PLAYER_LOWEST);
     say("highest", PLAYER_HIGHEST);
     say("safe", PLAYER_SAFE);
-    say("edges", PORT_EDGES);
+    say("edges", 1);
     return 0;
 }
 
@@ -219,7 +219,7 @@ static const char *set_waits(const char *at)
         return SYNTAX;
     if (player_state() == PLAYER_PLAYING)
         return BUSY;
-    if (!waits.every || (waits.count && !PORT_EDGES))
+    if (!waits.every)
         return RANGE;
     if (waits.count > PORT_MEMORY_ROWS / 2)
         return MEMORY;

@@ -5,7 +5,7 @@
 
 #include "port.h"
 
-#define PLAYER_VERSION "1.1"
+#define PLAYER_VERSION "1.2"
 #define PLAYER_PROTOCOL 1
 
 enum player_state { PLAYER_OFF, PLAYER_ON, PLAYER_PLAYING };

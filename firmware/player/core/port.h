@@ -14,9 +14,6 @@
 #ifndef PORT_NOINIT
 #define PORT_NOINIT /* on a memory that need not be cleared at the start, which would delay the safe value */
 #endif
-#ifndef PORT_EDGES
-#define PORT_EDGES 0 /* 1: a play can wait for edges: the port has the two functions below */
-#endif
 #ifndef PLAYER_SAFE
 #define PLAYER_SAFE 0 /* count of an output that is safe: after a reset, and when the host is gone */
 #endif
@@ -55,23 +52,11 @@ void port_exchange(const uint16_t *out, uint16_t *in);
 void port_clock_start(enum clock clock, uint32_t interval);
 void port_clock_stop(void);
 
-#if PORT_EDGES
 /* Whether each edge is told to player_edge. While it is, the pin is watched also beside CLOCK_START_ON_EDGE. */
 void port_tell_edges(bool told);
 
 /* Time in us; it goes through 0 after 2^32 - 1. */
 uint32_t port_us(void);
-#else
-static inline void port_tell_edges(bool told)
-{
-    (void)told;
-}
-
-static inline uint32_t port_us(void)
-{
-    return 0;
-}
-#endif
 
 /* Whether the next point is due already. */
 bool port_tick_is_due(void);

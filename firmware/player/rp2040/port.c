@@ -2,7 +2,8 @@
  * SPDX-License-Identifier: MIT
  *
  * A DAC8562 (GPIO17) and an LTC1864 for each channel (GPIO20, 21) on SPI at 6.9 MHz, lines at GPIO2 to 5, an edge at
- * GPIO6, and a serial line of 500 kbit/s at GPIO0 and 1. Only points interrupt the main loop. */
+ * GPIO6, and a serial line of 500 kbit/s at GPIO0 and 1. Points and edges interrupt the main loop; a point interrupts
+ * also what notes an edge. */
 #include "player.h"
 #include "rp2040.h"
 
@@ -20,8 +21,15 @@ enum { TX, RX, LINES, EDGE = 6, MISO = 16, DAC, SCK, MOSI, ADC0, ADC1 };
 #define WATCHDOG_US 250000
 #define ERASE_US 2000000 /* more than a chip takes to erase a sector of flash */
 #define NAME_AT 0x10000  /* in flash: a sector of its own */
+#define EDGES 16         /* a power of 2 */
 
-static enum clock clock_in_use;
+static volatile enum clock awaited; /* what the next edge does; CLOCK_NOW: nothing */
+static volatile bool told;          /* whether edges are told to the core */
+static volatile struct {
+    uint32_t us;
+    bool used;
+} edges[EDGES]; /* that are not told yet */
+static volatile uint32_t edge_head, edge_tail;
 static char stored_name[PORT_NAME_SIZE + 1];
 
 static void spi_mode(uint32_t mode)
@@ -140,26 +148,41 @@ static void run_counter(uint32_t from)
 
 void port_clock_start(enum clock clock, uint32_t interval)
 {
-    clock_in_use = clock;
     PWM_TOP = interval - 1;
+    awaited = clock;
     if (clock == CLOCK_NOW) {
         run_counter(0);
-    } else {
-        IO_INTR0 = RISING;
-        IO_INTE0 = RISING;
+        return;
     }
+    if (!told)
+        IO_INTR0 = RISING;
+    IO_INTE0 = RISING;
 }
 
 void port_clock_stop(void)
 {
+    awaited = CLOCK_NOW;
+    IO_INTE0 = told ? RISING : 0;
     PWM_CSR = 0;
     PWM_INTE = 0;
-    IO_INTE0 = 0;
+}
+
+void port_tell_edges(bool tell)
+{
+    told = tell;
+    edge_tail = edge_head;
+    IO_INTR0 = RISING;
+    IO_INTE0 = tell ? RISING : 0;
+}
+
+uint32_t port_us(void)
+{
+    return TIMER_RAWL;
 }
 
 bool port_tick_is_due(void)
 {
-    return clock_in_use == CLOCK_STEP_ON_EDGE ? IO_INTR0 & RISING : PWM_INTR & COUNTER;
+    return awaited == CLOCK_STEP_ON_EDGE ? IO_INTR0 & RISING : PWM_INTR & COUNTER;
 }
 
 void on_pwm(void)
@@ -174,12 +197,24 @@ void on_pwm(void)
 
 void on_io(void)
 {
+    uint32_t us = TIMER_RAWL;
+    bool used = awaited == CLOCK_START_ON_EDGE;
     IO_INTR0 = RISING;
-    if (clock_in_use == CLOCK_STEP_ON_EDGE) {
+    if (awaited == CLOCK_STEP_ON_EDGE) {
         player_tick(false);
-    } else {
+        return;
+    }
+    if (!told)
         IO_INTE0 = 0;
-        run_counter(PWM_TOP - 1); /* the first point follows at once */
+    uint32_t at = edge_head, free = (edge_tail - at - 1) & (EDGES - 1);
+    if (told && free > !used) { /* the last place is for one that is used */
+        edges[at].us = us;
+        edges[at].used = used;
+        edge_head = (at + 1) & (EDGES - 1);
+    }
+    if (used) {
+        awaited = CLOCK_NOW;
+        run_counter(PWM_TOP - 1); /* the point follows at once */
     }
 }
 
@@ -218,6 +253,7 @@ static void start_rest(void)
     UART_LCR_H = 0x70;
     UART_CR = 0x301;
     PWM_DIV = 25 << 4;
+    NVIC_IPR3 = 3u << 14; /* the lowest priority for IRQ_IO */
     NVIC_ISER = BIT(IRQ_PWM) | BIT(IRQ_IO);
     PSM_WDSEL = 0x1FFFC; /* all but the oscillators */
     WATCHDOG_LOAD = 2 * WATCHDOG_US; /* it counts down twice in a microsecond */
@@ -237,6 +273,11 @@ int main(void)
             if (got & (UART_FRAMING | UART_OVERRUN))
                 player_overrun();
             player_byte((uint8_t)got);
+        }
+        while (edge_head != edge_tail) {
+            uint32_t at = edge_tail;
+            player_edge(edges[at].us, edges[at].used);
+            edge_tail = (at + 1) & (EDGES - 1);
         }
         if (TIMER_RAWL - millisecond >= 1000) {
             millisecond += 1000;

@@ -79,6 +79,7 @@ enum { SPI_ENABLE = 2, SPI_NOT_EMPTY = 4, SPI_BUSY = 16 };
 
 /* The processor */
 #define NVIC_ISER REG(0xE000E100)
+#define NVIC_IPR3 REG(0xE000E40C) /* IRQ 12 to 15 */
 #define VTOR REG(0xE000ED08)
 enum { IRQ_PWM = 4, IRQ_IO = 13 };
 

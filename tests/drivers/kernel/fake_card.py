@@ -2,6 +2,7 @@
 
 import errno
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from piezod.devices.bus.line import LineFault
@@ -24,9 +25,11 @@ OPTIONS = ComediOptions.model_validate(
     {
         "inputs": {"position": {"number": 0}},
         "outputs": {"drive": {"number": 0, "measured_by": {"number": 0}}},
+        "digital_inputs": {"camera": {"number": 4}},
+        "digital_outputs": {"pixel": {"number": 0}, "frame": {"number": 1}},
     }
 )
-INPUTS, OUTPUTS = 0, 1
+INPUTS, OUTPUTS, LINES = 0, 1, 2
 """Subdevices."""
 
 
@@ -56,6 +59,8 @@ class FakeCard:
     now_ns: int = 1_000_000_000
     is_open: bool = False
     codes: dict[int, int] = field(default_factory=lambda: {0: MOST // 2, 1: MOST // 2})
+    levels: dict[int, int] = field(default_factory=dict)  #: Of the digital lines.
+    driven: set[int] = field(default_factory=set)  #: Lines that are outputs.
     commands: dict[int, Running] = field(default_factory=dict)
     written: list[tuple[int, int]] = field(default_factory=list)
     _queue: deque[int] = field(default_factory=deque)
@@ -84,17 +89,28 @@ class FakeCard:
     def pin(self, subdevice: int, number: int, volts: tuple[float, float], reference: int) -> Pin:  # noqa: ARG002 - the interface's
         return Pin(subdevice, number, 0, reference)
 
+    def line(self, number: int, subdevice: int | None, *, driven: bool) -> Pin:  # noqa: ARG002 - the interface's
+        self.levels.setdefault(number, 0)
+        return Pin(LINES, number, 0, 0)
+
+    def direct(self, outputs: Sequence[Pin], inputs: Sequence[Pin]) -> None:  # noqa: ARG002 - the interface's
+        self._check()
+        self.driven |= {pin.number for pin in outputs}
+
     def converter(self, pin: Pin, calibration: str | None) -> Converter:  # noqa: ARG002 - the interface's
         return CONVERTER
 
     def read(self, pin: Pin) -> int:
         self._check()
         self._refuse_busy(pin.subdevice)
-        return self.codes[pin.number]
+        return (self.levels if pin.subdevice == LINES else self.codes)[pin.number]
 
     def write(self, pin: Pin, code: int) -> None:
         self._check()
         self._refuse_busy(pin.subdevice)
+        if pin.subdevice == LINES:
+            self.levels[pin.number] = code
+            return
         self.codes[pin.number] = code
         self.written.append((pin.number, code))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.interface import Wiring
@@ -20,6 +21,7 @@ from piezod_drivers.kernel.comedi.play_stream import InStream, OutStream
 from tests.drivers.kernel.fake_card import CONVERTER, MOST, OPTIONS, STEP_V, FakeCard
 
 WIRING = Wiring(("position",), ("drive",))
+WITH_LINES = Wiring(("position", "camera"), ("drive", "pixel", "frame"))
 
 
 def opened(card: FakeCard, wiring: Wiring = WIRING) -> PlayingBusDevice:
@@ -36,11 +38,12 @@ def ramp(n: int, interval_ns: int = 100_000, cycles: int = 1) -> Table:
     return Table(interval_ns, np.zeros((0, 1)), np.linspace(0.0, 5.0, n)[:, None], cycles)
 
 
-def test_driver_keeps_the_contract(subtests: pytest.Subtests) -> None:
+@pytest.mark.parametrize("wiring", [WIRING, WITH_LINES, Wiring(("camera",), ("pixel",))])
+def test_driver_keeps_the_contract(wiring: Wiring, subtests: pytest.Subtests) -> None:
     """It passes every check of its roles."""
-    for check in checks_for(lambda: make_device(OPTIONS, WIRING, FakeCard())):
+    for check in checks_for(lambda: make_device(OPTIONS, wiring, FakeCard())):
         with subtests.test(check.__name__):
-            check(lambda: make_device(OPTIONS, WIRING, FakeCard()))
+            check(lambda: make_device(OPTIONS, wiring, FakeCard()))
 
 
 @given(st.floats(-10.0, 10.0))
@@ -125,6 +128,45 @@ def test_outputs_that_another_program_drives_are_not_taken() -> None:
         device.activate(card.now_ns)
     assert not device.write([1.0], card.now_ns)
     assert card.written == []
+
+
+def test_lines_are_set_read_and_read_back() -> None:
+    """They follow the voltages; nothing is an output, or set, before the device is active."""
+    card = FakeCard()
+    device = make_device(OPTIONS, WITH_LINES, card)
+    device.open()
+    assert card.driven == set()
+    device.activate(card.now_ns)
+    assert card.driven == {0, 1}
+    for pixel, frame in ((1.0, 0.0), (0.0, 1.0)):
+        assert device.write([1.0, pixel, frame], card.now_ns)
+        assert (card.levels[0], card.levels[1]) == (pixel, frame)
+        assert device.read_back(card.now_ns) == pytest.approx([1.0, pixel, frame], abs=STEP_V)
+        card.levels[4] = int(pixel)
+        position, camera = device.read(card.now_ns)
+        assert (position.valid, camera.valid, camera.position_um) == (True, True, pixel)
+    assert not device.write([1.0, 1.1, 0.0], card.now_ns)
+
+
+def test_card_plays_nothing_while_the_loop_has_its_lines() -> None:
+    """It would leave them as they are for the whole play."""
+    for wiring in (WITH_LINES, Wiring(("camera",), ("drive",)), Wiring((), ("drive", "pixel"))):
+        assert not isinstance(make_device(OPTIONS, wiring, FakeCard()), PlayingBusDevice)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"outputs": {"a": {"number": 0}}, "digital_outputs": {"a": {"number": 0}}},
+        {"inputs": {"a": {"number": 0}}, "digital_inputs": {"a": {"number": 0}}},
+        {"digital_outputs": {"a": {"number": 0}, "b": {"number": 0}}},
+        {},
+    ],
+)
+def test_lines_that_exclude_each_other_are_refused(options: dict[str, object]) -> None:
+    """Two channels of one name, two outputs on one line, and no channel at all."""
+    with pytest.raises(ValidationError):
+        ComediOptions.model_validate(options)
 
 
 def test_device_without_library_or_card_is_refused() -> None:

@@ -1,6 +1,6 @@
 // Our firmware on an RP2040 by others (rp2040js), with converters as in their data sheets beside it.
 // Arguments: the folder that has rp2040js, the image. Each line of the input is a request: {"feed": hex, "run_us": n,
-// "edge": true}; each has an answer: {"sent": hex, ...what was seen}. Time is that of the emulated clock.
+// "edges_us": times from now}; each has an answer: {"sent": hex, ...what was seen}. Time is that of the emulated clock.
 import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { createInterface } from "node:readline";
@@ -13,7 +13,7 @@ const chip = new RP2040();
 chip.logger = new ConsoleLogger(LogLevel.Error, false);
 const { clock, core } = chip;
 const seen = { out: [null, null], first_ns: null, points: 0, lines: 0, frames: 0, bad: 0, resets: 0, shortest_ns: null, longest_ns: null };
-let sent = [], waiting = [], next_byte = 0;
+let sent = [], waiting = [], next_byte = 0, edges = [];
 let bytes = null, reads = -1, plays = false, last_set = null;
 const samples = [0, 0];
 
@@ -79,6 +79,12 @@ spi.onTransmit = (value) => {
   clock.createAlarm(() => spi.completeTransmit(reply)).schedule((1e9 * spi.dataBits) / spi.clockFrequency);
 };
 chip.uart[0].onByte = (byte) => sent.push(byte);
+
+function edge() {
+  chip.gpio[EDGE].setInputValue(false);
+  chip.gpio[EDGE].setInputValue(true);
+}
+
 const watchdog = chip.peripherals[0x40058];
 watchdog.onWatchdogTrigger = () => {
   seen.resets++;
@@ -91,6 +97,10 @@ function run(until) {
       next_byte = clock.nanos + BYTE_NS;
       chip.uart[0].feedByte(waiting.shift());
     }
+    while (edges.length && clock.nanos >= edges[0]) {
+      edges.shift();
+      edge();
+    }
     clock.tick(core.executeInstruction() * CYCLE_NS);
   }
 }
@@ -99,10 +109,7 @@ load(process.argv[3]);
 for await (const line of createInterface({ input: process.stdin })) {
   const request = JSON.parse(line);
   waiting.push(...Buffer.from(request.feed ?? "", "hex"));
-  if (request.edge) {
-    chip.gpio[EDGE].setInputValue(false);
-    chip.gpio[EDGE].setInputValue(true);
-  }
+  edges.push(...(request.edges_us ?? []).map((us) => clock.nanos + us * 1000));
   run(clock.nanos + request.run_us * 1000);
   console.log(JSON.stringify({ sent: Buffer.from(sent).toString("hex"), now_ns: clock.nanos, baud: chip.uart[0].baudRate, ...seen }));
   sent = [];

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from tests.vm.guest import buses, comedi, iio, install, memory, others, service
+from tests.vm.guest import buses, comedi, comedi_lines, iio, install, memory, others, service
 from tests.vm.guest.host import Host
 
 
@@ -38,6 +38,10 @@ def checks(host: Host) -> tuple[tuple[str, Callable[[], str]], ...]:
         ("comedi: a stage drives at 20 Hz", comedi.stage_drives),
         ("comedi: the card is removed and comes back", comedi.card_is_removed),
         ("comedi: a stop ends at 0 V", comedi.stop_leaves_rest),
+        ("comedi-lines: the parallel port is found", comedi_lines.is_there),
+        ("comedi-lines: pulses reach the register", comedi_lines.pulses_reach_the_register),
+        ("comedi-lines: edges are read", comedi_lines.edges_are_read),
+        ("comedi-lines: wrong lines are refused", comedi_lines.wrong_lines_are_refused),
         ("iio: the chips of the kernel are found", iio.chips_are_there),
         ("iio: set-points reach the register", iio.setpoints_reach_the_register),
         ("iio: a user without rights is told so", iio.user_without_rights_is_told),

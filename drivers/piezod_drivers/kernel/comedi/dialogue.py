@@ -50,10 +50,11 @@ class ComediDialogue(BaseDialogue):
         return Capabilities(*self._wiring, read_back, MAX_RATE_HZ, holds=True)
 
     def activate(self) -> None:
-        """Lock the outputs; they keep their voltages.
+        """Lock the outputs, which keep their values; direct the lines.
 
         Raises:
             PortHeldError: If another program drives them.
+            DeviceError: If a line cannot have the direction of its use.
             LineFault: If the kernel refuses.
         """
         for subdevice in self._driven():
@@ -63,6 +64,7 @@ class ComediDialogue(BaseDialogue):
                 if fault.flag is DeviceFlag.BUSY:
                     raise held(self._options.port) from fault
                 raise
+        self._card.direct(*self.wired.lines())
 
     def deactivate(self) -> None:
         """Unlock the outputs; they hold."""

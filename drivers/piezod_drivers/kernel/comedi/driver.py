@@ -5,7 +5,8 @@ from typing import Final
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.bus.playing_device import PlayingBusDevice
 from piezod.devices.interface import DriverPlugin, Wiring, faults
-from piezod_drivers.kernel.comedi.card import Card, ComediCard
+from piezod_drivers.kernel.comedi.card import Card
+from piezod_drivers.kernel.comedi.comedi_card import ComediCard
 from piezod_drivers.kernel.comedi.dialogue import ComediDialogue
 from piezod_drivers.kernel.comedi.options import ComediOptions, channels
 from piezod_drivers.kernel.comedi.player import ComediPlayer
@@ -15,11 +16,13 @@ def make_device(options: ComediOptions, wiring: Wiring, card: Card) -> BusDevice
     """Construct the device; nothing is opened.
 
     It plays if each output in use is measured by an input: after a stop in the middle of a play
-    only a measurement knows the voltage.
+    only a measurement knows the voltage. It does not while the loop has digital lines of it.
     """
     dialogue = ComediDialogue(options, wiring, card)
-    outputs = [options.outputs[name] for name in wiring.outputs]
-    if outputs and all(output.measured_by is not None for output in outputs):
+    has_lines = any(name in options.digital_inputs for name in wiring.inputs)
+    outputs = [options.outputs.get(name) for name in wiring.outputs]
+    plays = not has_lines and all(one is not None and one.measured_by for one in outputs)
+    if outputs and plays:
         return PlayingBusDevice("converter card", dialogue, ComediPlayer(dialogue))
     return BusDevice("converter card", dialogue)
 

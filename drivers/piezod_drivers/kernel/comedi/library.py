@@ -11,6 +11,8 @@ OWN_ERRORS: Final = 0x1000
 
 INPUTS, OUTPUTS = 1, 2
 """Types of the subdevices with analogue inputs and outputs."""
+DIGITAL_INPUTS, DIGITAL_OUTPUTS, DIGITAL_BOTH = 3, 4, 5
+"""Types of the subdevices with digital lines; each of the last one can be either."""
 VOLT: Final = 0
 SOFT_CALIBRATED: Final = 0x2000
 COMMAND_WRITE: Final = 0x4000
@@ -60,12 +62,16 @@ _FUNCTIONS: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "comedi_get_board_name": (c_char_p, (c_void_p,)),
     "comedi_get_version_code": (c_int, (c_void_p,)),
     "comedi_find_subdevice_by_type": (c_int, (c_void_p, c_int, c_uint)),
+    "comedi_get_n_subdevices": (c_int, (c_void_p,)),
+    "comedi_get_subdevice_type": (c_int, _NUMBERS),
     "comedi_get_subdevice_flags": (c_int, _NUMBERS),
     "comedi_get_n_channels": (c_int, _NUMBERS),
     "comedi_get_maxdata": (c_uint, (*_NUMBERS, c_uint)),
     "comedi_find_range": (c_int, (*_NUMBERS, c_uint, c_uint, c_double, c_double)),
     "comedi_data_read": (c_int, (*_NUMBERS, c_uint, c_uint, c_uint, POINTER(c_uint))),
     "comedi_data_write": (c_int, (*_NUMBERS, c_uint, c_uint, c_uint, c_uint)),
+    "comedi_dio_config": (c_int, (*_NUMBERS, c_uint, c_uint)),
+    "comedi_dio_get_config": (c_int, (*_NUMBERS, c_uint, POINTER(c_uint))),
     "comedi_lock": (c_int, _NUMBERS),
     "comedi_unlock": (c_int, _NUMBERS),
     "comedi_cancel": (c_int, _NUMBERS),

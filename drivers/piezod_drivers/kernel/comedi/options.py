@@ -1,6 +1,7 @@
 """Options of a converter card."""
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field, StringConstraints
@@ -41,6 +42,15 @@ class CardOutput(CardInput):
     )
 
 
+class CardLine(ConfigModel):
+    """A digital line, which is high at the value 1 and low at 0."""
+
+    number: _Number = Field(description="Number of the channel on its subdevice.")
+    subdevice: _Number | None = Field(
+        default=None, description="Number of the subdevice; default: the first one that can."
+    )
+
+
 class ComediOptions(ConfigModel):
     """Options of a converter card that a comedi driver of the kernel drives."""
 
@@ -51,6 +61,12 @@ class ComediOptions(ConfigModel):
     outputs: dict[ChannelName, CardOutput] = Field(
         default_factory=dict, description="Outputs by channel name."
     )
+    digital_inputs: dict[ChannelName, CardLine] = Field(
+        default_factory=dict, description="Digital inputs by channel name."
+    )
+    digital_outputs: dict[ChannelName, CardLine] = Field(
+        default_factory=dict, description="Digital outputs by channel name."
+    )
     calibration: _Path | None = Field(
         default=None,
         description="Calibration file of a card that is calibrated by software; default: where "
@@ -58,13 +74,23 @@ class ComediOptions(ConfigModel):
     )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
-        if not self.inputs and not self.outputs:
+        if not any(chain(*channels(self))):
             yield ("inputs",), "give at least one input or output"
+        for name in self.inputs.keys() & self.digital_inputs.keys():
+            yield ("digital_inputs", name), "is the name of one of the inputs, too"
+        for name in self.outputs.keys() & self.digital_outputs.keys():
+            yield ("digital_outputs", name), "is the name of one of the outputs, too"
         numbers = [output.number for output in self.outputs.values()]
         if len(set(numbers)) < len(numbers):
             yield ("outputs",), "two outputs have the same number"
+        lines = [(line.subdevice, line.number) for line in self.digital_outputs.values()]
+        if len(set(lines)) < len(lines):
+            yield ("digital_outputs",), "two outputs are the same line"
 
 
 def channels(options: ComediOptions) -> ChannelUnits:
-    """Return the configured channels, in V."""
-    return ChannelUnits(dict.fromkeys(options.inputs, "V"), dict.fromkeys(options.outputs, "V"))
+    """Return the configured channels: in V, and lines, which are 0 or 1."""
+    return ChannelUnits(
+        dict.fromkeys(options.inputs, "V") | dict.fromkeys(options.digital_inputs, "level"),
+        dict.fromkeys(options.outputs, "V") | dict.fromkeys(options.digital_outputs, "level"),
+    )

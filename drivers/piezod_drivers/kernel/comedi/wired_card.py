@@ -7,8 +7,8 @@ from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
 from piezod_drivers.kernel.comedi import library as names
 from piezod_drivers.kernel.comedi.card import Card, Pin
-from piezod_drivers.kernel.comedi.codec import Converter
-from piezod_drivers.kernel.comedi.options import REFERENCES, CardInput, ComediOptions
+from piezod_drivers.kernel.comedi.codec import LEVEL, Converter
+from piezod_drivers.kernel.comedi.options import REFERENCES, CardInput, CardLine, ComediOptions
 
 
 class WiredPin(NamedTuple):
@@ -24,11 +24,12 @@ class WiredCard(NamedTuple):
     card: Card  #: The card.
     inputs: Sequence[WiredPin]  #: Inputs, in the order of the wiring.
     outputs: Sequence[WiredPin]  #: Outputs, in the order of the wiring.
-    #: Inputs that read back the outputs, in their order; none if one of them has no such input.
+    #: Inputs that read back the outputs, in their order, of a digital output itself; none if an
+    #: output has no such input.
     measuring: Sequence[WiredPin]
 
     def sample(self) -> list[float]:
-        """Return the voltage of each input; NaN at an end of its range. Real-time safe."""
+        """Return the value of each input; NaN at an end of its range. Real-time safe."""
         return [converter.sample(self.card.read(pin)) for pin, converter in self.inputs]
 
     def put(self, values_v: Sequence[float]) -> None:
@@ -37,8 +38,16 @@ class WiredCard(NamedTuple):
             self.card.write(pin, converter.code(value_v))
 
     def measured(self) -> list[float]:
-        """Return the measured voltage of each output. Real-time safe."""
+        """Return the measured value of each output. Real-time safe."""
         return [converter.value(self.card.read(pin)) for pin, converter in self.measuring]
+
+    def lines(self) -> tuple[list[Pin], list[Pin]]:
+        """Return the digital outputs and inputs."""
+        outputs, inputs = (
+            [pin for pin, converter in side if converter is LEVEL]
+            for side in (self.outputs, self.inputs)
+        )
+        return outputs, inputs
 
 
 def wired(card: Card, options: ComediOptions, wiring: Wiring) -> WiredCard:
@@ -58,11 +67,22 @@ def wired(card: Card, options: ComediOptions, wiring: Wiring) -> WiredCard:
         pin = card.pin(subdevice, channel.number, channel.range, reference)
         return WiredPin(pin, card.converter(pin, options.calibration))
 
-    outputs = [options.outputs[name] for name in wiring.outputs]
-    measuring = [output.measured_by for output in outputs if output.measured_by is not None]
-    return WiredCard(
-        card,
-        [found(names.INPUTS, options.inputs[name]) for name in wiring.inputs],
-        [found(names.OUTPUTS, output) for output in outputs],
-        [found(names.INPUTS, each) for each in measuring] if len(measuring) == len(outputs) else [],
-    )
+    def line(channel: CardLine, *, driven: bool) -> WiredPin:
+        return WiredPin(card.line(channel.number, channel.subdevice, driven=driven), LEVEL)
+
+    inputs, outputs, measuring = [], list[WiredPin](), list[WiredPin]()
+    for name in wiring.inputs:
+        if digital := options.digital_inputs.get(name):
+            inputs.append(line(digital, driven=False))
+        else:
+            inputs.append(found(names.INPUTS, options.inputs[name]))
+    for name in wiring.outputs:
+        if digital := options.digital_outputs.get(name):
+            outputs.append(line(digital, driven=True))
+            measuring.append(outputs[-1])
+            continue
+        output = options.outputs[name]
+        outputs.append(found(names.OUTPUTS, output))
+        if output.measured_by is not None:
+            measuring.append(found(names.INPUTS, output.measured_by))
+    return WiredCard(card, inputs, outputs, measuring if len(measuring) == len(outputs) else [])
