@@ -53,6 +53,7 @@ class Stage:
         zero: The zeros of the sensors.
         judge: Judges which voltages are in force.
         users: The user axes; None if there are none.
+        lines: The lines of the loop; None if there are none.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Stage:
         self.output = OutputKnowledge(self.boundary.reads_back, on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self.users = parts.users and parts.users(self.axes)
+        self.lines = parts.lines
         self._rebuild = parts.rebuild
         self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
         self._memory_known, self._was_driven = memory_known, False

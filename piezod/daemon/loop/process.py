@@ -113,7 +113,8 @@ def main(
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
-    controller = assemble(config, timed, able, partial(_forget, last_output, clock), plays)
+    forget = partial(_forget, last_output, clock)
+    controller = assemble(config, timed, able, forget, plays, channels.levels)
     controller.stay_in_boot(True)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
