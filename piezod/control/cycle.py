@@ -17,8 +17,10 @@ from piezod.control.faults.detection import Detection
 from piezod.control.guard import Admitted, Guard
 from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.lines import StageLines
 from piezod.control.stage.progress import advance, overloaded_axes, react
 from piezod.control.stage.stage import DRIVEN, Stage
+from piezod.control.stage.states import HoldCause
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
@@ -91,7 +93,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         samples, slew_halved = _watch(stage, loop_watch, t_ns, read, read_back_v, timing)
 
     if stage is not None and stage.lines is not None:
-        stage.lines.advance(stage, t_ns)
+        _follow_lines(stage, stage.lines, t_ns)
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
     outputs = [axis.update(t_ns, samples[i]) for i, axis in enumerate(axes)]
@@ -161,6 +163,13 @@ def _watch(
         return usable, overloaded_axes(stage)
     except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
         return _hold_after_crash(stage, t_ns, read[1], error), ()
+
+
+def _follow_lines(stage: Stage, lines: StageLines, t_ns: int) -> None:
+    """Let lines go on; hold if one is lost that the present motion uses."""
+    if why := lines.advance(t_ns, running=stage.state is _RUN):
+        stage.note(StageEvent(t_ns, "error", "line", why))
+        stage.hold(HoldCause.FAULT, t_ns)
 
 
 def _shown(

@@ -2,31 +2,24 @@
 
 from itertools import chain
 from math import inf
-from typing import NamedTuple
 
 from piezod.devices.player import SeenEdge
-from piezod.units import NS_PER_S
-
-
-class MotionWaits(NamedTuple):
-    """Where a motion waits, in its own time."""
-
-    first_ns: int  #: Time of the first wait, in ns since the start of the motion.
-    every_ns: int  #: Time from there to each further wait, in ns.
-    times: int  #: Number of waits, at least 1.
-    within_ns: int  #: Longest wait, in ns; the motion ends there without an edge.
+from piezod.messages.requests import LineEdges
+from piezod.units import NS_PER_S, s_to_ns
 
 
 class EdgeClock:
     """Converts the time since the start of a motion to the time of the motion. Real-time safe.
 
     Args:
-        waits: Where it waits.
+        edges: The edges for which it waits.
+        begins_ns: Time from the start of the motion to the begin of its waveforms, in ns.
     """
 
-    def __init__(self, waits: MotionWaits) -> None:
-        first, every, times, self._within_ns = waits
-        self._gates = chain(range(first, first + times * every, every), [inf])
+    def __init__(self, edges: LineEdges, begins_ns: int) -> None:
+        first, every = begins_ns + s_to_ns(edges.first_s), s_to_ns(edges.every_s)
+        self._within_ns = s_to_ns(edges.within_s)
+        self._gates = chain(range(first, first + edges.times * every, every), [inf])
         self._gate_ns = next(self._gates)
         self._held_ns = 0
         self._high: bool | None = None

@@ -2,20 +2,14 @@
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from piezod.config.lines import LineConfig
-from piezod.config.states import State
-from piezod.control.reference.edge_clock import EdgeClock, MotionWaits
+from piezod.control.reference.edge_clock import EdgeClock
 from piezod.control.stage.axis import StageAxis
-from piezod.control.stage.states import HoldCause
 from piezod.devices.line_levels import LineLevels
 from piezod.messages.requests import LinePulses, Wave
-from piezod.telemetry.record import StageEvent
 from piezod.units import s_to_ns
-
-if TYPE_CHECKING:
-    from piezod.control.stage.stage import Stage
 
 LOST_CYCLES, LOST_NS = 5, s_to_ns(0.1)
 """A line is lost if it could not be read or set for this many cycles and for this time."""
@@ -108,23 +102,28 @@ class StageLines:
         ]
         if edges is not None:
             place = self._names.index(edges.line)
-            first_ns, every_ns = begins_ns + s_to_ns(edges.first_s), s_to_ns(edges.every_s)
-            waits = MotionWaits(first_ns, every_ns, edges.times, s_to_ns(edges.within_s))
-            clock = EdgeClock(waits)
+            clock = EdgeClock(edges, begins_ns)
         used = frozenset([*(each.line for each in trains), *([place] if clock else ())])
         self._known_ns = [t_ns] * len(self._names)
         self._program = _Program(axis, axis.motion + 1, t_ns, trains, clock, place, used)
         return clock
 
-    def advance(self, stage: "Stage", t_ns: int) -> None:
-        """Take the levels of a cycle, and set the outputs of the present motion."""
+    def advance(self, t_ns: int, *, running: bool) -> str:
+        """Take the levels of a cycle, and set the outputs of the present motion.
+
+        Args:
+            t_ns: Instant of the cycle, in ns.
+            running: Whether the stage follows motions.
+
+        Returns:
+            Why the motion has to end: a line of it is lost. It would pulse, or wait, in vain.
+        """
         program, high = self._program, self._levels.high
         if program is None:
-            return
-        if stage.state is not State.RUN or program.axis.motion != program.motion:
+            return ""
+        if not running or program.axis.motion != program.motion:
             self._clear()
-            return
-        self._watch(stage, program, t_ns)
+            return ""
         since_ns: float = t_ns - program.started_ns
         clock = program.clock
         if clock is not None:
@@ -133,22 +132,20 @@ class StageLines:
         still = clock is not None and clock.waiting
         for train in program.trains:
             high[train.line] = not still and train.is_high(since_ns)
+        return self._lost(program, t_ns)
 
-    def _watch(self, stage: "Stage", program: _Program, t_ns: int) -> None:
-        """Hold if a line of the motion is lost: it would pulse, or wait, in vain."""
+    def _lost(self, program: _Program, t_ns: int) -> str:
         for line in program.used:
             if not self._levels.unknown[line]:
                 self._known_ns[line] = t_ns
             elif t_ns - self._known_ns[line] > self._lost_ns:
                 name = self._names[line]
-                text = (
+                return (
                     f"line {name} of device {self._config[name].device} has given no answer for "
                     f"{self._lost_ns / 1e6:g} ms: the movement that uses it ends; look at the "
                     "device and its cable"
                 )
-                stage.note(StageEvent(t_ns, "error", "line", text))
-                stage.hold(HoldCause.FAULT, t_ns)
-                return
+        return ""
 
     def _clear(self) -> None:
         """Set all outputs low with the next write."""
