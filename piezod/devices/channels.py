@@ -75,7 +75,9 @@ class Channels:
         self._sensors: list[SensorRole] = []
         self._amplifiers: list[AmplifierRole] = []
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
-        self._status_sources: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
+        self._status_sources: list[
+            tuple[TellsStatus, list[tuple[int, int]], list[tuple[int, int]]]
+        ] = []
         for name, device in devices.items():
             self._assign_roles(name, device)
         # A device of lines alone must not delay the write of a voltage.
@@ -114,7 +116,12 @@ class Channels:
             # A status lists inputs, then outputs: of the device's channels, and of our axes.
             after_inputs = len(wiring.inputs)
             outputs_at = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
-            self._status_sources.append((device, measured + outputs_at))
+            lines_at = [
+                (after_inputs + wiring.outputs.index(line.output), i)
+                for i, line in lines
+                if line.output
+            ]
+            self._status_sources.append((device, measured + outputs_at, lines_at))
 
     def open(self) -> Identity:
         """Open every device; if one fails with any error, close all again."""
@@ -325,10 +332,12 @@ class Channels:
             return self._no_flags
         # A copy, because a cycle without flags returns the shared list.
         flags = self._no_flags.copy()
-        for device, served in self._status_sources:
+        for device, served, lines in self._status_sources:
             reported = device.status(now_ns)
             for channel, place in served:
                 flags[place] = reported[channel]
+            for channel, line in lines:
+                self._line_unknown[line] |= bool(reported[channel])
         for one, axis in self._light_dependent:
             if one.low_light:
                 flags[axis] |= {DeviceFlag.LOW_LIGHT}
