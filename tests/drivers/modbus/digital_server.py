@@ -13,13 +13,17 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 
 class DigitalServer:
-    """The server; coil 3 is an output, discrete input 5 rises with every third reading."""
+    """The server, which counts requests, with a coil 3 and a discrete input 5."""
 
     def __init__(self) -> None:
+        self.high = False
+        """Level of the discrete input."""
         self.asked = Counter[int]()
         """Requests by their function."""
-        self.coils: list[bool] = []
+        self.levels: list[bool] = []
         """Levels to which coils were set, in order."""
+        self.gone = threading.Event()
+        """Whether the server is to leave."""
         self.refuses = False
         """Whether coils are refused."""
         self.port = 0
@@ -40,10 +44,9 @@ class DigitalServer:
         if function == 5:
             if self.refuses:
                 return ExcCodes.ILLEGAL_ADDRESS
-            self.coils.append(bool(values[0]))
+            self.levels.append(bool(values[0]))
         if function == 2:
-            high = self.asked[2] % 3 == 0
-            registers[0] = 0xFFFF if high else 0
+            registers[0] = 0xFFFF if self.high else 0
         return None
 
 

@@ -50,7 +50,7 @@ def test_coil_is_set_when_its_level_changes(server: DigitalServer) -> None:
     device.close()
 
     assert all(taken)
-    assert server.coils == [False, True, False, True]
+    assert server.levels == [False, True, False, True]
     assert server.asked[6] == len(levels)
     assert back[0] == 7.0
 
@@ -58,12 +58,14 @@ def test_coil_is_set_when_its_level_changes(server: DigitalServer) -> None:
 def test_discrete_input_is_read_as_a_number(server: DigitalServer) -> None:
     """It is 1 while it is high, and 0 otherwise."""
     device = opened(server)
-    samples = [device.read(t)[0] for t in range(9)]
+    samples = []
+    for t, level in enumerate((False, True, True, False)):
+        server.high = level
+        samples += device.read(t)
     device.close()
 
+    assert [sample.position_um for sample in samples] == [0.0, 1.0, 1.0, 0.0]
     assert all(sample.valid for sample in samples)
-    assert [sample.position_um for sample in samples].count(1.0) == 3
-    assert {sample.position_um for sample in samples} == {0.0, 1.0}
 
 
 def test_refused_coil_concerns_no_voltage(server: DigitalServer) -> None:
