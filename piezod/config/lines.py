@@ -55,16 +55,17 @@ def broken_lines(
     for name, line in lines.items():
         role = "input" if line.output is None else "output"
         if line.device not in devices:
-            what = f"no such device (got {show(line.device)})"
-            yield ("lines", name, "device"), f"{what}, {suggest(line.device, devices, 'known')}"
+            what = f"no such device (got {show(line.device)}), "
+            what += suggest(line.device, list(devices), "known")
+            yield ("lines", name, "device"), what
             continue
         if drivers is not None:
             device = devices[line.device]
             has = drivers.load(device.driver).channels(device.options)
-            known = None if has is None else list(getattr(has, f"{role}s"))
-            if known is not None and line.channel not in known:
+            units = None if has is None else has.inputs if role == "input" else has.outputs
+            if units is not None and line.channel not in units:
                 what = f"no such {role} (got {show(line.channel)}), "
-                yield ("lines", name, role), what + suggest(line.channel, known, "known")
+                yield ("lines", name, role), what + suggest(line.channel, list(units), "known")
         if role == "output":
             other = used.setdefault((line.device, line.channel), f"line {name}")
             if other != f"line {name}":

@@ -68,6 +68,16 @@ class PulsesConfig(ConfigModel):
         """The lines that are given, by their key."""
         return self.model_dump(exclude_none=True)
 
+    @property
+    def numbers(self) -> dict[str, int]:
+        """The lines of a device that plays, by their key."""
+        return {key: line for key, line in self.given.items() if isinstance(line, int)}
+
+    @property
+    def highest(self) -> int:
+        """Highest number of a line; 0 without one."""
+        return max(self.numbers.values(), default=0)
+
     def _broken_rules(self) -> Iterator[BrokenRule]:
         used: dict[int | str, str] = {}
         for name, number in self.given.items():

@@ -276,7 +276,7 @@ def _blend(scan: AnyScan, points: int, active: int, axes: Mapping[str, PlannedAx
 
 def _pulses(scan: AnyScan, points: int, active: int, pixels: int) -> tuple[Mask, int]:
     """Return the pulses of a sweep, and the bit of the frame."""
-    numbers = {key: line for key, line in scan.pulses.given.items() if isinstance(line, int)}
+    numbers = scan.pulses.numbers
     if not numbers:
         return np.empty(0, np.uint8), 0
     mask, per_pixel = np.zeros(points, np.uint8), active // pixels

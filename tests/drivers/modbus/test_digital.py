@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.interface import Wiring
+from piezod.devices.interface import Sample, Wiring
 from piezod.devices.status import NO_FLAGS
 from piezod_drivers.modbus.driver import channels_of, make_device, make_transactions
 from piezod_drivers.modbus.options import ModbusOptions
@@ -58,7 +58,7 @@ def test_coil_is_set_when_its_level_changes(server: DigitalServer) -> None:
 def test_discrete_input_is_read_as_a_number(server: DigitalServer) -> None:
     """It is 1 while it is high, and 0 otherwise."""
     device = opened(server)
-    samples = []
+    samples: list[Sample] = []
     for t, level in enumerate((False, True, True, False)):
         server.high = level
         samples += device.read(t)
