@@ -154,7 +154,7 @@ def _open(device: Device) -> "Iterator[tuple[Device, Identity]]":
 
 
 def _look_at_outputs(
-    found: Probed, device: Amplifier, timing: Timing, lines: Container[str]
+    found: Probed, device: Amplifier, timing: Timing, lines: Container[str | None]
 ) -> Probed:
     able = device.capabilities()
     if not able.read_back:

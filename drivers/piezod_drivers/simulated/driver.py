@@ -58,7 +58,7 @@ class SimulatedRig:
         self._channel_names, wiring = wiring, axes_of(wiring)
         self._wiring = wiring
         self._seed = seed
-        self._lines = RigLines(self._channel_names, options.camera)
+        self._lines = RigLines(Wiring((), ()), None)
         inputs = [axis_and_quantity(name, wiring.outputs) for name in wiring.inputs]
         # Driven axes first, each once: `_driven` relies on this order. An input without an
         # output is a stage that nothing drives.
@@ -80,7 +80,6 @@ class SimulatedRig:
         if self._channels:
             raise DeviceError("the simulated rig is already open")
         self._lines = RigLines(self._channel_names, self._options.camera)
-        self._lines.check()
         # A seed of its own for each axis: another axis does not change the specimens of the first
         # ones.
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
@@ -145,7 +144,7 @@ class SimulatedRig:
         if self._coupling is not None:
             uncoupled = [_sample(each, "", now_ns) for each in self._channels]
             own = self._coupling.samples(own, uncoupled)
-        return [*own, *self._lines.samples(t_ns, now_ns)] if self._lines else own
+        return [*own, *self._lines.samples(t_ns, now_ns)] if self._lines.inputs else own
 
     def _counted(self, now_ns: int) -> Sample:
         true_um = [[axis_model.plant.true_displacement_um for axis_model in self._driven]]
@@ -179,7 +178,7 @@ class SimulatedRig:
         Raises:
             DeviceError: If time went back.
         """
-        driven, lines = self._driven, self._channel_names.outputs[len(self._driven) :]
+        driven, lines = self._driven, self._lines.outputs
         if not self._active or len(drive_v) != len(driven) + len(lines):
             return False
         # All voltages are checked before one is commanded; NaN compares false.
@@ -210,7 +209,7 @@ class SimulatedRig:
         for axis_model in driven:
             if axis_model.plant.now_ns != t_ns:
                 axis_model.plant.advance_to(t_ns)
-        return [*(axis_model.plant.drive_v for axis_model in driven), *self._lines.values()]
+        return [*(axis_model.plant.drive_v for axis_model in driven), *self._lines.values]
 
     def player_capabilities(self) -> PlayerCapabilities:
         """Return the capabilities: points are on the grid of the physics.
@@ -222,7 +221,7 @@ class SimulatedRig:
         self._require_open()
         if self._coupling is not None:
             raise DeviceError("the rig plays no tables while its axes are coupled")
-        if self._lines:
+        if self._lines.inputs or self._lines.outputs:
             raise DeviceError("the rig plays no tables while the loop has its lines")
         return self._player.capabilities
 
@@ -275,8 +274,8 @@ class SimulatedRig:
 
     def pulses_counted(self) -> tuple[int, ...]:
         """Return the number of pulses of each line since the rig was opened."""
-        pulses = self._lines.pulses.values() if self._lines else self._player.pulses.tolist()
-        return tuple(pulses)
+        of_loop = self._lines.pulses.values() if self._lines.outputs else ()
+        return tuple(of_loop or self._player.pulses.tolist())
 
     def _require_open(self) -> None:
         if not self._channels:
