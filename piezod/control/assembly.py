@@ -99,19 +99,17 @@ def make_stage(
         DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain is not safe.
     """
-    period_ns = round(NS_PER_S / config.rate_hz)
+    period_ns, lag_ns = round(NS_PER_S / config.rate_hz), capabilities.lag_ns
 
     def rebuild(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
         axis = config.axes[name]
         if misfit := next(axis.misfits(model.span), ""):
             raise ModelError(f"axis {name}: the model {misfit}")
         zeroed = _zeroed(name, axis, from_model_file(model))
-        return _build_axis(config, name, zeroed, in_force_v, capabilities.lag_ns)
+        return _build_axis(config, name, zeroed, in_force_v, lag_ns)
 
     axes = {
-        name: _build_axis(
-            config, name, _model_of(name, axis), axis.limits.rest_v, capabilities.lag_ns
-        )
+        name: _build_axis(config, name, _model_of(name, axis), axis.limits.rest_v, lag_ns)
         for name, axis in config.axes.items()
     }
     boundary = DeviceBoundary(
@@ -121,20 +119,13 @@ def make_stage(
         holds=capabilities.holds,
         reports_restart=capabilities.tells_restart,
         watchdog=devices.watchdogs(),
-        lag_cycles=-(-capabilities.lag_ns // period_ns),
+        lag_cycles=-(-lag_ns // period_ns),
         amplifiers=[pair.amplifier for pair in pairs_of(config.axes).values()],
     )
+    lines = StageLines(config.lines, levels, period_ns) if levels and config.lines else None
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     stage = Stage(
-        StageParts(
-            axes,
-            boundary,
-            period_ns,
-            rebuild,
-            plays,
-            StageLines(config.lines, levels, period_ns) if levels and config.lines else None,
-            _user_axes(config, period_ns),
-        ),
+        StageParts(axes, boundary, period_ns, rebuild, plays, lines, _user_axes(config, period_ns)),
         register,
         # No stage is relaxed by itself inside its range.
         memory_known=capabilities.opens_relaxed

@@ -92,8 +92,9 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         read = (readings, samples)
         samples, slew_halved = _watch(stage, loop_watch, t_ns, read, read_back_v, timing)
 
-    if stage is not None and stage.lines is not None:
-        _follow_lines(stage, stage.lines, t_ns)
+    lines = None if stage is None else stage.lines()
+    if stage is not None and lines is not None:
+        _follow_lines(stage, lines, t_ns)
 
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
     outputs = [axis.update(t_ns, samples[i]) for i, axis in enumerate(axes)]
@@ -126,7 +127,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     written &= not held
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     present, latched = stage.register.present, stage.register.latched
-    high = 0 if stage.lines is None else stage.lines.mask
+    high = 0 if lines is None else lines.mask
     fields = t_ns, stage.state, devices.shadow, written, present, latched, records, high
     return tuple.__new__(CycleRecord, fields)  # a call of the class takes three times as long
 

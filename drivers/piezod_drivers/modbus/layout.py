@@ -106,13 +106,9 @@ def make_layout(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
         reads += read_blocks(unit.unit, inputs, readable)
         read_backs += read_blocks(unit.unit, back, readable)
         statuses += read_blocks(unit.unit, own, readable)
-        numbers = [each for each in outputs if not each[1].sets_coil]
-        writes += write_blocks(unit.unit, numbers, write_functions_of(unit, options))
-        coils += [
-            Coil(unit.unit, position, register.address)
-            for position, register in outputs
-            if register.sets_coil
-        ]
+        words = [each for each in outputs if not each[1].sets_coil]
+        writes += write_blocks(unit.unit, words, write_functions_of(unit, options))
+        coils += [Coil(unit.unit, i, each.address) for i, each in outputs if each.sets_coil]
         read_back_positions |= {position for position, _ in back}
         quality |= any(register.range is not None for _, register in inputs)
         for position, register in outputs:

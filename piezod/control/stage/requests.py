@@ -212,11 +212,12 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
     if why := start_running(stage, t_ns):
         return Answer(False, why)
     begins_ns, clock = start_ns(request.start_s), None
-    if stage.lines is not None and (request.pulses or request.edges):
+    lines = stage.lines()
+    if lines is not None and (request.pulses or request.edges):
         # All axes begin together, because the lines have one time.
         begins_ns = max(begins_ns, t_ns + s_to_ns(before_s))
         first = stage.axes[next(iter(waveforms))]
-        clock = stage.lines.begin(request, first, t_ns, begins_ns - t_ns)
+        clock = lines.begin(request, first, t_ns, begins_ns - t_ns)
     for i, waveform in waveforms.items():
         stage.axes[i].follow(waveform, request.duration_s, t_ns, begins_ns, clock)
     return _started([stage.axes[i] for i in waveforms], t_ns)
@@ -226,11 +227,12 @@ def _line_refusal(stage: Stage, request: requests.Wave, *, of_users: bool) -> st
     """Return why a request cannot use lines; empty if it can, or uses none."""
     if not (request.pulses or request.edges):
         return ""
-    if stage.lines is None:
+    lines = stage.lines()
+    if lines is None:
         return "the stage has no lines: name digital channels in `lines:` of its configuration"
     if of_users:
         return "lines are in step with the axes of `axes:`, not with those of `transform:`"
-    return stage.lines.refusal(request)
+    return lines.refusal(request)
 
 
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
