@@ -5,10 +5,12 @@ import gc
 import os
 import subprocess
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Generator, Iterator
 from fcntl import LOCK_EX, LOCK_SH, flock
 from math import ceil
 from pathlib import Path
+from random import Random
 from typing import Protocol
 
 import pytest
@@ -169,6 +171,20 @@ def figure(record_property: Callable[[str, object], None]) -> Figure:
         record_property("figure", line)
 
     return note
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave most cases of a test marked with `few` to `make stress`, the same ones always."""
+    cases = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("few"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    for group in cases.values():
+        (number,) = next(group[0].iter_markers("few")).args
+        drawn = Random(0)  # noqa: S311 - no secret
+        for item in drawn.sample(group, max(len(group) - number, 0)):
+            item.add_marker("stress")
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -111,6 +111,19 @@ class Piped(Forked):
         self.stdout = os.fdopen(stdout_fd, encoding="utf-8")
 
 
+class ForkedGuardian(Piped):
+    """The guardian of a command in this process."""
+
+    def __init__(self, command: Sequence[str], **_: Any) -> None:
+        super().__init__((), module=command[2])
+
+    def communicate(self) -> None:
+        """Wait for its end."""
+        self.stdin.close()
+        self.wait()
+        self.stdout.close()
+
+
 def run(
     arguments: Sequence[str],
     environ: Mapping[str, str] | None = None,

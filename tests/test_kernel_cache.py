@@ -88,6 +88,7 @@ def test_first_call_says_that_it_compiles_and_the_second_nothing(folder: Folder)
 
 
 @pytest.mark.parametrize("suffix", [pytest.param(".nbi", marks=pytest.mark.stress), ".nbc"])
+@pytest.mark.few(1)
 def test_damaged_file_is_a_miss(folder: Folder, suffix: str) -> None:
     """A damaged file of the cache is named once, and replaced."""
     folder.call()

@@ -125,8 +125,9 @@ class LoadedModel:
     def model_at(self, rate_hz: float) -> StageModel:
         """Return the model for a loop at a rate, in Hz, with its zero at rest."""
         period_s = s_to_ns(1.0 / rate_hz) / NS_PER_S
-        dynamics = known_dynamics(self._axis, period_s) if self._axis else None
-        return in_loop(self._model, dynamics, period_s)
+        if self._axis is None:
+            return self._model.at(period_s)
+        return in_loop(self._axis, self._model, known_dynamics(self._axis, period_s), period_s)
 
     def reset(self, from_v: float | None = None, after_v: npt.ArrayLike | None = None) -> None:
         """Start `step` anew; arguments as for `voltages`."""

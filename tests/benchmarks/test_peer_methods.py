@@ -58,6 +58,7 @@ def of_branches(positions: FloatArray) -> FloatArray:
     ],
     ids=lambda value: value.name if isinstance(value, Method) else "",
 )
+@pytest.mark.few(2)
 def test_a_method_reproduces_a_record_of_its_own_class(
     method: Method, setting: Setting, drives_of: Predictor, tolerance: float
 ) -> None:

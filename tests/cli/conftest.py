@@ -4,15 +4,18 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
 
 from piezod.cli import main
+from piezod.cli.devices import guardian
 from piezod.experiment.fit.file import FileFit, identify_file
 from tests.client.fake_daemon import STATUS, FakeDaemon
 from tests.client.group_of_fakes import daemons  # noqa: F401 - a fixture
 from tests.experiment.conftest import SLOW_LOOP
+from tests.forked import ForkedGuardian
 
 
 class Outcome(NamedTuple):
@@ -39,6 +42,8 @@ def piezod(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Command:
     """Return a function that runs the command within this process, which is quick."""
+    started = SimpleNamespace(Popen=ForkedGuardian, PIPE=subprocess.PIPE)
+    monkeypatch.setattr(guardian, "subprocess", started)
 
     def call(*arguments: object) -> Outcome:
         assert Path.cwd() == folder

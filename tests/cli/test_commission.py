@@ -163,6 +163,7 @@ def test_commission_of_an_axis_that_is_not_there(piezod: Command, config: Path) 
 
 @pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.few(1)
 def test_commission_ramps_back_after_a_signal(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
 ) -> None:
@@ -348,6 +349,7 @@ def _write_with(
     ("answers", "found"),
     [("y\ny\n", ["noise", "polarity"]), ("y\nn\n", ["noise"]), ("n\n", [])],
 )
+@pytest.mark.few(1)
 def test_probe_wiggles_in_the_first_steps_of_commission(
     piezod: Command,
     config: Path,

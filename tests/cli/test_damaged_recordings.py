@@ -86,6 +86,7 @@ def survive(good: Path, path: Path, seed: int, uses: tuple[Callable[[Path], obje
 
 
 @pytest.mark.parametrize("seed", range(25))
+@pytest.mark.few(6)
 def test_damaged_recording_is_read_or_refused(recording: Path, tmp_path: Path, seed: int) -> None:
     """One wrong value, shape, type, attribute, text or missing part is no traceback."""
     survive(recording, tmp_path / "rec.h5", seed, USES)

@@ -101,6 +101,7 @@ def test_document_has_the_choice(piezod: Command, data: Path) -> None:
         (("--creep", "--order", 5), {"creep": True, "order": 5, "method": "least-squares"}),
     ],
 )
+@pytest.mark.few(1)
 def test_given_options_are_not_chosen(
     piezod: Command, data: Path, options: tuple[object, ...], fixed: dict[str, object]
 ) -> None:
@@ -124,6 +125,7 @@ def test_given_options_are_not_chosen(
         (("--method", "surface", "--no-creep"), ("surface", None, None, False)),
     ],
 )
+@pytest.mark.few(2)
 def test_without_a_choice_there_are_defaults(
     piezod: Command, data: Path, options: tuple[str, ...], expected: tuple[object, ...]
 ) -> None:

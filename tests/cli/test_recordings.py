@@ -110,6 +110,7 @@ def test_stage_below_its_command_has_a_positive_error(telemetry: RecordedTelemet
 @pytest.mark.parametrize(
     ("ending", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")]
 )
+@pytest.mark.few(1)
 def test_formats_of_a_figure(piezod: Command, recording: Path, ending: str, begins: bytes) -> None:
     """The ending of --out decides the format."""
     code, out, err = piezod("plot", recording, "--out", f"fig.{ending}", "--begin-s", 1)

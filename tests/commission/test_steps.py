@@ -123,6 +123,7 @@ def test_a_millisecond_of_delay_is_a_millisecond() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [500.0, 1000.0, 4000.0])
+@pytest.mark.few(1)
 def test_the_first_mode_is_found_also_beyond_half_the_rate(rate_hz: float) -> None:
     """A mode at 700 Hz is found within 2 % at rates of 500 Hz, 1 kHz and 4 kHz."""
     with session(QUIET, rate_hz=rate_hz) as axis:

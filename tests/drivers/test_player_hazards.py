@@ -177,6 +177,7 @@ def is_variant(name: str, wrong: str) -> bool:
     ],
     indirect=["bench"],
 )
+@pytest.mark.few(8)
 def test_wrong_answers_never_give_a_wrong_voltage(bench: PlayBench, wrong: str) -> None:
     """Without a right answer writes are refused and the voltage is unknown; later it is found."""
     start_and_wait(bench)

@@ -90,6 +90,7 @@ def test_each_bound_alone_works_or_is_refused() -> None:
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.few(8)
 def test_bounds_of_a_class_of_hysteresis_work(variant: str) -> None:
     """All combinations of the bounds of its parameters give a working rig."""
     law = quantities(type(VARIANTS[variant].parameters.hysteresis))

@@ -9,6 +9,7 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms.combined import Sequence
+from piezod.control.law.compensated import in_loop
 from piezod.experiment.virtual.case import run_case
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.identify import IdentifiedAxis, identify_axes
@@ -73,14 +74,20 @@ class Errors(NamedTuple):
     worst_pct: dict[tuple[str, Mode], float]  #: Case and mode → worst error, in % of the range.
 
 
-def errors_of(config: ExperimentConfig) -> Errors:
+def errors_of(config: ExperimentConfig, identified_hz: float | None = None) -> Errors:
     """Return the errors of all cases.
 
     Each mode has a stage of its own, with the same specimen, model and past: on one stage, creep
     and zero of the second mode would be others.
+
+    Args:
+        config: The experiment.
+        identified_hz: Rate of the loop in which the stage is identified, in Hz, if another one.
     """
-    with opened(config, _tell_nobody) as stage:
-        axis = identify_axes(stage, config)["x"]
+    before = config.model_copy(update={"rate_hz": identified_hz or config.rate_hz})
+    with opened(before, _tell_nobody) as stage:
+        axis = identify_axes(stage, before)["x"]
+    axis = replace(axis, model=in_loop(axis.config, axis.model, None, 1.0 / config.rate_hz))
     worst_pct = {}
     for mode in config.modes:
         for case, error_pct in _run(config, axis, mode).items():

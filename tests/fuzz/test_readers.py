@@ -46,6 +46,7 @@ def test_good_example_is_accepted(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", READERS)
+@pytest.mark.few(8)
 def test_damaged_input_is_accepted_or_refused(name: str, tmp_path: Path) -> None:
     """No other exception than the documented ones."""
     path = tmp_path / "damaged"

@@ -82,6 +82,7 @@ def self_tested(name: str, target: Target, folder: Path) -> str:
 
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("target", SHORT)
+@pytest.mark.few(6)
 def test_c_passes_its_own_test(name: str, target: str, tmp_path: Path) -> None:
     """The program says that it has passed, and that its memory was full."""
     said = self_tested(name, TARGETS[target], tmp_path)

@@ -104,6 +104,7 @@ def _compound(file: h5py.File) -> None:
         _name, _compound,
     ],
 )  # fmt: skip
+@pytest.mark.few(12)
 def test_structure_that_was_never_written_is_refused(
     file: Path, spoil: Callable[[h5py.File], None], read: Callable[[Path], object]
 ) -> None:

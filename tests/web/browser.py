@@ -39,7 +39,8 @@ class Browser:
 
     def request(self, method: str, path: str, **headers: str) -> httpx.Response:
         """Send a request without a body; follow no redirection."""
-        return httpx.request(method, f"http://{self.host}{path}", headers=headers, verify=NO_TLS)
+        url = f"http://{self.host}{path}"
+        return httpx.request(method, url, headers=headers, verify=NO_TLS, timeout=20)
 
     def cookie(self) -> str:
         """Exchange the token; return the cookie as a browser sends it."""

@@ -1,6 +1,7 @@
 """Builds the control law of an axis from its configuration and its model."""
 
 from dataclasses import replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -110,7 +111,7 @@ def compensated_axis(
     """
     period_ns, period_s = start.period_ns, start.period_ns / NS_PER_S
     dynamics = known_dynamics(config, period_s)
-    model = in_loop(model, dynamics, period_s)
+    model = in_loop(config, model, dynamics, period_s)
     delay_ns = s_to_ns(model.delay_s)
     sensor_delay_ns = delay_ns - s_to_ns(stage_delay_of(config, model, period_s))
     # Long enough for the delay, so that no sample is paired with the oldest entry.
@@ -184,11 +185,20 @@ def _identifier(
     )
 
 
-def in_loop(model: StageModel, dynamics: StageDynamics | None, period_s: float) -> StageModel:
-    """Return a model for a loop with this period, in s."""
-    model = model.at(period_s)
-    # The delay of a response is more accurate: that of an identification is of slow motion only.
-    return model if dynamics is None else replace(model, delay_s=dynamics.delay_s)
+def in_loop(
+    config: AxisConfig, model: StageModel, dynamics: StageDynamics | None, period_s: float
+) -> StageModel:
+    """Return the model of an axis for a loop with this period, in s."""
+    held_s, model = model.held_s, model.at(period_s)
+    if dynamics is not None:
+        # The delay of a response is more accurate: an identification's is of slow motion only.
+        return replace(model, delay_s=dynamics.delay_s)
+    if held_s in {None, period_s}:
+        return model
+    # In a slower loop a mode that rings hides the delay of the sensor; but no stage is early.
+    sensor_delay_s = config.compensator.sensor_delay_s
+    least_s = sensor_delay_s + stage_delay(-inf, sensor_delay_s, period_s, config.first_mode)
+    return replace(model, delay_s=max(model.delay_s, least_s))
 
 
 def stage_delay_of(config: AxisConfig, model: StageModel, period_s: float) -> float:

@@ -12,6 +12,7 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import TimeFunction
+from piezod.control.law.compensated import in_loop
 from piezod.control.law.dynamics import known_dynamics
 from piezod.control.law.gains import LoopProperties, check_axis_gains, check_gains, prefix_errors
 from piezod.control.law.model import StageModel, with_found_mode
@@ -192,7 +193,8 @@ def _known_delay_s(axis: AxisConfig, period_s: float) -> float | None:
 def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
     in_file, file = read_model(path)
     with prefix_errors(name):
-        model = in_file.zeroed_at(axis.limits.rest_v).at(period_ns / NS_PER_S)
+        zeroed = in_file.zeroed_at(axis.limits.rest_v)
+    model = in_loop(axis, zeroed, None, period_ns / NS_PER_S)
     numbers = numbers_of_file(file, model, axis=name, title=f"model file {path.name}")
     creeping = Creeping(model, axis.limits.rest_v, period_ns / NS_PER_S)
     return IdentifiedAxis(with_found_mode(axis, model), model, creeping, numbers, ())

@@ -115,6 +115,7 @@ def test_closed_leaves_less_error_than_trimmed(moving: bool) -> None:
 @pytest.mark.parametrize("corrected", CORRECTED)
 @pytest.mark.parametrize("other", Mode)
 @pytest.mark.parametrize("into", [False, True])
+@pytest.mark.few(24)
 def test_switch_is_bumpless(
     adapts: bool, moving: bool, corrected: Mode, other: Mode, into: bool
 ) -> None:

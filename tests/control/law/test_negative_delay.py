@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from piezod.config.modes import Mode
-from piezod.control.law.compensated import Start, compensated_axis
+from piezod.control.law.compensated import Start, compensated_axis, in_loop
 from piezod.control.law.creep import AT_REST
 from piezod.control.law.model_files import read_model
 from piezod.devices.interface import Sample
@@ -54,3 +54,20 @@ def test_worse_model_is_found_with_any_delay(delay_s: float) -> None:
     ]
 
     assert any(worse)
+
+
+@pytest.mark.parametrize("found_s", [-4e-4, -1e-3])
+def test_a_sensor_is_not_early_in_a_faster_loop(found_s: float) -> None:
+    """A mode that rang from cycle to cycle hid its delay; without a data sheet it stays hidden."""
+    axis = shipped_config().axes["x"]
+    assert axis.model is not None
+    model = replace(read_model(axis.model)[0], delay_s=found_s, held_s=1e-3)
+    sensor = {"sensor_delay_s": 1.3e-4}
+    known = axis.model_copy(update={"compensator": axis.compensator.model_copy(update=sensor)})
+    unknown = axis.model_copy(
+        update={"compensator": axis.compensator.model_copy(update={"sensor_delay_s": 0.0})}
+    )
+
+    assert 0.5e-4 < in_loop(known, model, None, 1e-4).delay_s < 1.3e-4
+    assert in_loop(unknown, model, None, 1e-4).delay_s == model.at(1e-4).delay_s
+    assert in_loop(known, model, None, 1e-3).delay_s == found_s

@@ -235,6 +235,7 @@ def test_way_within_the_error_of_the_model_proves_nothing() -> None:
 
 
 @pytest.mark.parametrize("gain", [0.9, 1.15])
+@pytest.mark.few(1)
 def test_way_within_what_was_learned_from_a_lying_sensor_proves_nothing(gain: float) -> None:
     """An output sticks; the fault drops what was learned, and with it the expected position."""
     stage = UnrulyStage(position_um=0.0)

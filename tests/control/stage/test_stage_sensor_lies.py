@@ -119,6 +119,7 @@ class LyingStage(FaultyStage):
 
 @pytest.mark.parametrize("model", CLASSES)
 @pytest.mark.parametrize("lie", FAR)
+@pytest.mark.few(3)
 def test_nothing_stays_of_a_lie_that_is_found(model: str, lie: str) -> None:
     """A fault drops what was learned before it, and resets in a loop teach nothing that stays."""
     stage = LyingStage(with_model(quick_config(), model))
@@ -146,6 +147,7 @@ def test_nothing_stays_of_a_lie_that_is_found(model: str, lie: str) -> None:
 
 @pytest.mark.parametrize("model", CLASSES)
 @pytest.mark.parametrize("lie", NEAR)
+@pytest.mark.few(3)
 def test_lie_that_is_not_found_teaches_no_more_than_the_bound(model: str, lie: str) -> None:
     """It is told before it is at the bound; then learning goes on, and feedforward stays near."""
     stage = LyingStage(with_model(quick_config(), model))
@@ -211,6 +213,7 @@ def test_weights_of_a_lie_do_not_survive_a_change_of_the_mode() -> None:
 
 
 @pytest.mark.parametrize("fault", DOUBTING)
+@pytest.mark.few(5)
 def test_each_fault_of_samples_that_were_wrong_drops_what_was_learned(fault: Fault) -> None:
     """Only on its axis, and until it ends nothing is learned."""
     axis = quick_config().axes["x"]

@@ -83,6 +83,7 @@ class TwinStage(RigStage):
 @pytest.mark.parametrize("lost", [True, False])
 @pytest.mark.parametrize("stuck", [0, 1])
 @pytest.mark.parametrize("request_", [rq.Stop(), rq.Estop()], ids=lambda each: each.kind)
+@pytest.mark.few(3)
 def test_output_that_does_not_follow_keeps_no_other_amplifier_from_its_ramp(
     stuck: int, lost: bool, request_: rq.Request
 ) -> None:

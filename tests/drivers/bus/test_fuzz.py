@@ -70,6 +70,7 @@ def use(device: Any, wire: Wire) -> None:
 
 
 @every_profile
+@pytest.mark.few(6)
 def test_driver_survives_whatever_is_answered(profile: Profile) -> None:
     """With any replies, opening and activating raise only `DeviceError`, all else nothing."""
 
@@ -109,6 +110,7 @@ def test_emulator_survives_whatever_comes(profile: Profile) -> None:
 
 @every_profile
 @pytest.mark.parametrize("junk", [b"A", b"\0", b"\xff", b"1"])
+@pytest.mark.few(20)
 def test_emulator_keeps_little(profile: Profile, junk: bytes) -> None:
     """Bytes without an end are not collected for ever."""
     with wired(profile) as wire:

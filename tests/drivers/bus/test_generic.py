@@ -30,6 +30,7 @@ def _contract(profile: Profile, factory: Callable[[], Any]) -> list[Any]:
 
 
 @pytest.mark.parametrize("profile", [_row(profile) for profile in PROFILES])
+@pytest.mark.few(6)
 def test_driver_masters_what_goes_wrong(
     profile: Profile, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
 ) -> None:

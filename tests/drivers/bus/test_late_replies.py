@@ -135,6 +135,7 @@ def _try(profile: Profile, transactions: int) -> Trial:
 
 
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.name)
+@pytest.mark.few(9)
 def test_no_late_reply_is_taken_for_another(profile: Profile) -> None:
     """While the device moves all the time, no accepted value is wrong."""
     trial = _try(profile, 1000)

@@ -157,6 +157,7 @@ def test_sine_of_200_hz_is_learned(connect: Connect, lag_s: float) -> None:
     [(lc400, 240, 80, 20), (nv200, 500, 100, 50)],
     ids=["lc400", "psj-nv200"],
 )
+@pytest.mark.few(1)
 def test_slower_sine_is_learned(
     connect: Connect, interval_us: int, n_points: int, sub_step_us: int
 ) -> None:

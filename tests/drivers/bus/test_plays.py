@@ -164,6 +164,7 @@ SAFE = """if True:
 @pytest.mark.parametrize(
     "player", [LABJACK, PI_TCP, LC400, NV200_TCP], ids=lambda each: each.profile
 )
+@pytest.mark.few(2)
 def test_safe_stops_the_play_of_a_killed_host(player: Player, tmp_path: Path) -> None:
     """The device plays on alone. `piezod safe` stops it, and ramps from where it stands.
 

@@ -107,6 +107,7 @@ def drifting(per_s: float, noise: float = 0.0) -> Record:
 @pytest.mark.parametrize(
     ("per_s", "noise"), [(0.001, 0.0), (-0.0002, 0.002), (-0.0005, 0.002), (-0.001, 0.003)]
 )
+@pytest.mark.few(2)
 def test_drift_is_not_taken_for_a_lag_with_the_rate(per_s: float, noise: float) -> None:
     """Rate and gain change together, so that a lag helps most blocks; the others become worse."""
     assert fit_model(drifting(per_s, noise), SETTINGS).rate_lag == 0.0

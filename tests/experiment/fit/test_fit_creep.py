@@ -137,6 +137,7 @@ def test_creep_of_a_record_that_does_not_start_at_rest() -> None:
 
 
 @pytest.mark.parametrize("spacing", list(Spacing))
+@pytest.mark.few(1)
 def test_creep_is_found_for_any_thresholds(spacing: Spacing) -> None:
     """The hysteresis absorbs little of it."""
     record = record_of(path=swells, duration_s=60.0, creep=CREEP)

@@ -43,6 +43,7 @@ def check_errors_on_other_data(judged: Judgement, name: str, figure: Figure) -> 
 
 @pytest.mark.parametrize("skip_s", [0.0, 1.0])
 @pytest.mark.parametrize("creep", [False, True])
+@pytest.mark.few(1)
 def test_graded_models_hold_on_blocks_and_on_another_record(
     shared_data: Path, figure: Figure, skip_s: float, creep: bool
 ) -> None:

@@ -66,6 +66,7 @@ def worst_miss(fit: Fit) -> float:
         pytest.param(-2.5, 0.004, marks=pytest.mark.stress),
     ],
 )
+@pytest.mark.few(2)
 def test_stage_is_found(delay_periods: float, creep: float) -> None:
     """Surface, creep and a delay of either sign are found, also on other loops."""
     fit = fitted(swelling_record(delay_s=delay_periods / RATE_HZ, creep=creep), creep=creep > 0.0)
@@ -96,6 +97,7 @@ def test_stage_is_found_in_noise() -> None:
 
 
 @pytest.mark.parametrize("activation", [0.0, 0.003, 0.01])
+@pytest.mark.few(2)
 def test_lag_with_the_rate_is_found_only_where_it_is(activation: float) -> None:
     """A stage without it gets a model without it, and a stage with it gets its size."""
     fit = fitted(swelling_record(activation=activation, noise=NOISE, duration_s=50.0))
@@ -150,6 +152,7 @@ def test_relaxation_that_leaves_no_inverse_is_not_taken(monkeypatch: pytest.Monk
         pytest.param(0.01, False, marks=pytest.mark.stress),
     ],
 )
+@pytest.mark.few(1)
 def test_no_relaxation_is_found_where_there_is_none(activation: float, creep: bool) -> None:
     """A stage that creeps and remembers turning points only gets a model without it."""
     record = swelling_record(activation=activation, creep=0.004, noise=NOISE)
@@ -194,6 +197,7 @@ def test_without_creep_the_model_has_none() -> None:
 
 
 @pytest.mark.parametrize("delay_periods", [-1.3, -0.02, 0.02, 0.6, 2.02])
+@pytest.mark.few(2)
 def test_samples_that_count_are_those_of_the_found_delay(delay_periods: float) -> None:
     """The band of the prediction has one value for each sample that the errors count."""
     fit = fitted(swelling_record(delay_s=delay_periods / RATE_HZ))

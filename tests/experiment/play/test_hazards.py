@@ -164,6 +164,7 @@ def true_rms_um(axis: RigAxis, learned: LearnedPlay, table: AxisTable) -> float:
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "amplifier has less range"])
+@pytest.mark.few(5)
 def test_kept_table_is_truly_no_worse_than_the_first(name: str) -> None:
     """Both are played again, and judged by the true displacement.
 

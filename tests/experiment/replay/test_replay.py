@@ -94,6 +94,7 @@ def test_weights_of_another_form_are_not_used(tmp_path: Path, form: str, repeats
 
 
 @pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.TRIMMED, Mode.CLOSED])
+@pytest.mark.few(1)
 def test_estimate_for_another_mode_is_what_that_mode_reached(recording: Path, mode: Mode) -> None:
     """From the uncompensated part, the errors of other modes are estimated as they were there."""
     uncompensated, *others = replayed(recording, mode).rows

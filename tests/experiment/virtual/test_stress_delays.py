@@ -8,9 +8,10 @@ from piezod.config.modes import Mode
 from tests.conftest import Figure
 from tests.experiment.delayed import FREQUENCIES_HZ, SENSORS, errors_of, experiment
 
-LARGEST_LOSS_PCT: Final = {"stack": 0.05, "no-antialias": 0.1}
-"""By this much more, in % of the range, `adaptive` may be wrong than `feedforward`. Without a
-filter more noise is in the samples."""
+LARGEST_LOSS_PCT: Final = {"stack": 0.1, "no-antialias": 0.2}
+"""By this much more, in % of the range, `adaptive` may be wrong than `feedforward` with a model of
+14 s: what it has rightly learned at 0.5 Hz is not all right at 5 Hz. The model of a whole
+identification differs less. Without a filter more noise is in the samples."""
 
 _ALL: Final = [
     pytest.param(variant, rate_hz, cycles, FREQUENCIES_HZ, marks=pytest.mark.stress)
