@@ -15,28 +15,29 @@ LOST_CYCLES, LOST_NS = 5, s_to_ns(0.1)
 """A line is lost if it could not be read or set for this many cycles and for this time."""
 
 
-class _Train(NamedTuple):
-    """Pulses of a line, in ns of the time of the motion."""
+class _Train:
+    """Pulses of a line, over the time of the motion. None is lost: a skipped cycle delays one."""
 
-    line: int
-    begins_ns: Sequence[int]  #: Rising.
-    every_ns: int
-    times: int
-    high_ns: int
+    def __init__(self, line: int, pulses: LinePulses, begins_ns: int) -> None:
+        self.line, self._times = line, pulses.times
+        self._begins_ns = sorted(begins_ns + s_to_ns(each) for each in pulses.begins_s)
+        self._every_ns, self._high_ns = s_to_ns(pulses.every_s), s_to_ns(pulses.high_s)
+        self._sent, self._ends_ns = 0, 0.0
 
-    @classmethod
-    def of(cls, line: int, pulses: LinePulses, begins_ns: int) -> "_Train":
-        begins = sorted(begins_ns + s_to_ns(each) for each in pulses.begins_s)
-        times = pulses.times
-        return cls(line, begins, s_to_ns(pulses.every_s), times, s_to_ns(pulses.high_s))
-
-    def is_high(self, t_ns: float) -> bool:
-        place = bisect_right(self.begins_ns, t_ns)
-        if not place:
+    def is_high(self, t_ns: float, *, was_high: bool) -> bool:
+        """Return the level in a cycle, at a time of the motion; `was_high` is the one before."""
+        if was_high:  # a cycle of low level ends it
+            return t_ns < self._ends_ns
+        place = bisect_right(self._begins_ns, t_ns) - 1
+        if place < 0:
             return False
-        since_ns = t_ns - self.begins_ns[place - 1]
-        number, rest_ns = divmod(since_ns, self.every_ns) if self.times > 1 else (0, since_ns)
-        return number < self.times and rest_ns < self.high_ns
+        since_ns = t_ns - self._begins_ns[place]
+        number = min(since_ns // self._every_ns, self._times - 1)
+        if self._sent >= place * self._times + number + 1:
+            return False
+        self._sent += 1
+        self._ends_ns = t_ns - since_ns + number * self._every_ns + self._high_ns
+        return True
 
 
 class _Program(NamedTuple):
@@ -97,8 +98,7 @@ class StageLines:
         self._clear()
         edges, clock, place = request.edges, None, -1
         trains = [
-            _Train.of(self._names.index(each.line), each, begins_ns)
-            for each in request.pulses or ()
+            _Train(self._names.index(each.line), each, begins_ns) for each in request.pulses or ()
         ]
         if edges is not None:
             place = self._names.index(edges.line)
@@ -131,7 +131,8 @@ class StageLines:
             since_ns = clock.at_ns(since_ns)
         still = clock is not None and clock.waiting
         for train in program.trains:
-            high[train.line] = not still and train.is_high(since_ns)
+            was_high = high[train.line]
+            high[train.line] = not still and train.is_high(since_ns, was_high=was_high)
         return self._lost(program, t_ns)
 
     def _lost(self, program: _Program, t_ns: int) -> str:

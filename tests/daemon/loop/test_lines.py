@@ -125,6 +125,19 @@ def test_output_pulses_in_step_with_the_motion(io: tuple[Any, LineStage]) -> Non
     assert not node.levels[-1]
 
 
+def test_skipped_cycles_delay_a_pulse(io: tuple[Any, LineStage]) -> None:
+    """None is lost, and each is an edge of its own."""
+    node, stage = io
+    assert not stage.ask(wave(pulses=(pulses(0.095, every_s=0.05, times=6, high_s=0.01),)))
+    stage.run(8)
+    stage.t_ns += 8 * NS_PER_S // RATE_HZ
+    begin_ns = stage.t_ns
+    high = [record.t_ns for record in stage.run(60) if record.lines & 2]
+
+    assert [(t_ns - begin_ns) * RATE_HZ // NS_PER_S for t_ns in high] == [1, 3, 5, 9, 14, 19]
+    assert sum(now > before for before, now in pairwise(node.levels)) == 6
+
+
 def test_motion_waits_for_an_edge(io: tuple[Any, LineStage]) -> None:
     """It stands still at the wait, goes on with the edge, and an early edge moves nothing."""
     node, stage = io
