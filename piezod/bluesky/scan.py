@@ -37,6 +37,7 @@ class Scan:
 
     scan: Mapping[str, Any]  #: The `scan:` of a file of `piezod scan`.
     _pictures: tuple[str, ...] = field(default=(_ERROR,), init=False)
+    _units: dict[str, str] = field(default_factory=dict, init=False)
 
     @classmethod
     def of(cls, spec: Spec[str], **more: Any) -> Self:
@@ -83,8 +84,9 @@ class Scan:
             for um in (span.from_um, span.to_um):
                 if why := link.facts[span.axis].why_not(um):
                     raise RefusedError(f"axis {span.axis}: {why}", code="value")
+        self._units = {span.axis: link.facts[span.axis].ascii_unit for span in scan.spans}
         axes = (await link.daemon.config())["axes"]
-        sensors = [axes[span.axis].get("sensor") or {} for span in scan.spans]
+        sensors = [axes.get(span.axis, {}).get("sensor") or {} for span in scan.spans]
         inputs = dict.fromkeys(x for each in sensors for x in each.get("beside", ()))
         self._pictures = tuple(inputs) if inputs and scan.mode is None else (_ERROR,)
 
@@ -123,7 +125,8 @@ class Scan:
         """Return the columns that its file has, in the order of time."""
         time = recorded[-1]
         stage, source = time.key.removesuffix("-t"), time.source.removesuffix("t_s")
-        micrometres, none = SignalMetadata(units="um"), SignalMetadata()
+        spans, none = self._scan().spans, SignalMetadata()
+        units = [SignalMetadata(units=self._units.get(span.axis, "um")) for span in spans]
 
         def column(name: str, dataset: str, metadata: SignalMetadata, dtype: str) -> Column:
             path, origin = f"{_ENTRY}/{dataset}", f"{source}{dataset}"
@@ -132,11 +135,11 @@ class Scan:
         double = time.dtype
         return [
             *(
-                column(span.axis, f"position_{span.axis}_um", micrometres, double)
-                for span in self._scan().spans
+                column(span.axis, f"position_{span.axis}_um", unit, double)
+                for span, unit in zip(spans, units, strict=True)
             ),
             *(
-                column(each.removesuffix("_um"), each, micrometres, double)
+                column(each.removesuffix("_um"), each, units[0], double)
                 if each == _ERROR
                 else column(each, each, none, double)
                 for each in self._pictures

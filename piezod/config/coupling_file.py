@@ -24,6 +24,11 @@ MOST_SHARE: Final = 0.5
 
 Share: TypeAlias = Annotated[float, Quantity(-MOST_SHARE, MOST_SHARE)]
 
+MOST_LAG_S: Final = 0.1
+"""A coupling that is later than this is creep or heat, which no lag describes."""
+
+LagS: TypeAlias = Annotated[float, Quantity(0, MOST_LAG_S)]
+
 
 class CouplingFile(ConfigModel):
     """How far the actuators of a stage move the sensors of the others."""
@@ -38,11 +43,18 @@ class CouplingFile(ConfigModel):
     shares: dict[Name, dict[Name, Share]] = Field(
         description="Axis: what its sensor shows if another axis moves by 1 µm, µm."
     )
+    lags_s: dict[Name, dict[Name, LagS]] = Field(
+        default={},
+        description="Axis: how much later its sensor shows that, s; 0 for those left out.",
+    )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         for name, row in self.shares.items():
             if name in row:
                 yield ("shares", name, name), "is 1 by definition, leave it out"
+        for name, lags in self.lags_s.items():
+            for other in lags.keys() - self.shares.get(name, {}).keys():
+                yield ("lags_s", name, other), "has no share in `shares`"
 
 
 def load_coupling(path: Path) -> CouplingFile:

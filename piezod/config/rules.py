@@ -67,7 +67,8 @@ def _play(experiment: ExperimentFields) -> Iterator[BrokenRule]:
         what = "an experiment has at least one case, or `play` with waveforms, or a `scan`"
         yield ("cases",), f"{what}: one of them"
     if experiment.scan is not None:
-        for place, what in broken_scan(experiment.scan, experiment.axes):
+        ranges = {name: axis.command_range_um for name, axis in experiment.axes.items()}
+        for place, what in broken_scan(experiment.scan, ranges):
             yield ("scan", *place), what
     if experiment.play is None:
         return

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -15,9 +15,6 @@ from piezod.config.quantities import ModeName, Name, OneLine, PositionUm
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 from piezod.errors import ConfigError, Problem
-
-if TYPE_CHECKING:
-    from piezod.config.axes import AxisConfig
 
 KEY: Final = "scan"
 MOST_PIXELS: Final = 10_000
@@ -276,12 +273,15 @@ AnyScan: TypeAlias = RasterScan | LineScan | StackScan
 ScanConfig: TypeAlias = Annotated[AnyScan, Field(discriminator="kind")]
 
 
-def broken_scan(scan: AnyScan, axes: Mapping[str, "AxisConfig"]) -> Iterator[BrokenRule]:
-    """Yield what does not fit between a scan and the axes of its file.
+def broken_scan(
+    scan: AnyScan, ranges: Mapping[str, tuple[float, float] | None]
+) -> Iterator[BrokenRule]:
+    """Yield what does not fit between a scan and the axes of a stage.
 
     Args:
         scan: The scan.
-        axes: Axes, by name.
+        ranges: Lowest and highest command of each axis that may be scanned, in its unit; None for
+            an axis without limits of its own.
     """
     names = (
         ("fast", "slow")
@@ -289,10 +289,9 @@ def broken_scan(scan: AnyScan, axes: Mapping[str, "AxisConfig"]) -> Iterator[Bro
         else (("planes",) if isinstance(scan, StackScan) else ("fast",))
     )
     for key, span in zip(names, scan.spans, strict=True):
-        axis = axes.get(span.axis)
-        if axis is None:
-            yield (key, "axis"), f"no such axis, {suggest(span.axis, list(axes), 'known')}"
-        elif (allowed := axis.command_range_um) is not None:
+        if span.axis not in ranges:
+            yield (key, "axis"), f"no such axis, {suggest(span.axis, list(ranges), 'known')}"
+        elif (allowed := ranges[span.axis]) is not None:
             yield from _outside(key, span, allowed)
 
 
@@ -303,8 +302,8 @@ def _outside(key: str, span: SpanConfig, allowed: tuple[float, float]) -> Iterat
         if not allowed[0] - margin <= value_um <= allowed[1] + margin:
             yield (
                 (key, end),
-                f"outside the range of axis {span.axis} (got {value_um:g} µm), allowed range "
-                f"{allowed[0]:g} to {allowed[1]:g} µm",
+                f"outside the range of axis {span.axis} (got {value_um:g}), allowed range "
+                f"{allowed[0]:g} to {allowed[1]:g}",
             )
 
 

@@ -11,7 +11,7 @@ from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.config.messages import show, suggest
 from piezod.config.quantities import Name
-from piezod.coordinates.frame import Frame, frame_of
+from piezod.coordinates.frame import Frame, Lags, frame_of
 from piezod.coordinates.matrices import Matrix, condition, from_rows, identity
 
 WORST_CONDITION: Final = 100.0
@@ -73,6 +73,18 @@ class TransformConfig(ConfigModel):
         if (found := self._frame()) is None:
             raise ValueError("a matrix is singular")
         return found
+
+    @property
+    def lags(self) -> Lags:
+        """What moves each actuator later: index, share and lag in s of others; empty if nothing."""
+        if self.coupling is None or not self.coupling.lags_s:
+            return ()
+        at, shares = list(self.actuators), self.coupling.shares
+        rows = [self.coupling.lags_s.get(name, {}) for name in at]
+        return tuple(
+            tuple((at.index(other), shares[name][other], lag_s) for other, lag_s in row.items())
+            for name, row in zip(at, rows, strict=True)
+        )
 
     @property
     def contour_axes(self) -> tuple[str, ...]:

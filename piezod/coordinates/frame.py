@@ -1,8 +1,11 @@
 """The frame of a stage: between its sensors, its user axes and its actuators."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from piezod.coordinates.matrices import Matrix, Vector, inverse, product, times
+
+Lags: TypeAlias = tuple[tuple[tuple[int, float, float], ...], ...]
+"""For each actuator: the index of others that move it later, their share, and the lag in s."""
 
 
 class Frame(NamedTuple):

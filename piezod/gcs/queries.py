@@ -7,7 +7,6 @@ from piezod.gcs.errors import Code, GcsRefusal
 from piezod.gcs.readings import AxisNow
 from piezod.gcs.syntax import known
 from piezod.messages.answers import AXIS
-from piezod.messages.shown import unit_of
 
 AxisValue = Callable[[AxisNow], str]
 """Returns the value of an axis as text."""
@@ -57,8 +56,8 @@ def parameter(axes: Mapping[str, AxisNow], arguments: str) -> str:
     return f"{axis} {words[1]}={value}"
 
 
-def _unit(_now: AxisNow) -> str:
-    return unit_of("position_um").ascii
+def _unit(now: AxisNow) -> str:
+    return now.facts.ascii_unit
 
 
 def _lowest(now: AxisNow) -> str:

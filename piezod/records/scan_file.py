@@ -16,7 +16,7 @@ The file is in HDF5's SWMR mode, and written to the disk after each sweep. It ca
 is written, and after the writer was killed up to the last sweep.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple, Self
@@ -61,6 +61,8 @@ class ScanHeader(NamedTuple):
     configuration: str = ""  #: Text of the description.
     by_loop: bool = False  #: Whether the loop scans: its cycles may be late.
     edges: bool = False  #: Whether it waits for edges.
+    #: Unit of axes in another unit than µm, as in `{"rx": "urad"}`.
+    units: Mapping[str, str] = {}
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -140,6 +142,12 @@ class ScanFile:
         self._pictures = {name: picture[name] for name in (first, *further)}
         self._make_scales(picture, centres_um, rows, flat=flat)
         self._make_lists(entry, columns)
+        for axis, unit in header.units.items():
+            of_axis = [picture[f"{axis}_um"], self._lists[f"position_{axis}_um"]]
+            if axis == header.axes[0] and not header.inputs:  # its errors are the picture
+                of_axis += [*self._pictures.values(), self._lists[ERROR]]
+            for column in of_axis:
+                column.attrs["units"] = unit
         if header.edges:
             edges = new_data(entry, "edges", "place", "edge_ns")
             self._edges = {
@@ -256,6 +264,7 @@ class StoredScan:
     title: str  #: Title of the scan.
     pictures: dict[str, FloatArray]  #: Each picture by its name, rows first; NaN where it is empty.
     scales: tuple[tuple[str, FloatArray], ...]  #: Name and values of each scale, rows first.
+    units: dict[str, str]  #: Unit of each scale; empty for numbers without one.
 
 
 def is_scan(path: Path) -> bool:
@@ -291,4 +300,5 @@ def read_scan(path: Path) -> StoredScan:
             str(entry["title"][()].decode()),
             {name: picture[name][()] for name in names},
             tuple((name, picture[name][()]) for name in scales),
+            {name: str(picture[name].attrs.get("units", "")) for name in scales},
         )

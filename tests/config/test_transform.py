@@ -152,6 +152,13 @@ def test_user_axes_follow_the_axes(tmp_path: Path) -> None:
             id="more coupling than motion",
         ),
         pytest.param(
+            TWO,
+            good(coupling={"shares": {"a": {"b": 0.03}}, "lags_s": {"b": {"a": 0.01}}}),
+            "transform.coupling.lags_s.b.a",
+            "no share",
+            id="the lag of nothing",
+        ),
+        pytest.param(
             {"a": {**AXIS, "command_input": {"device": "rig", "channel": "b"}}, "b": AXIS},
             good(),
             "axes.a.command_input",
@@ -185,12 +192,14 @@ def test_a_lever_and_an_offset_become_part_of_the_frame(tmp_path: Path) -> None:
 
 def test_a_coupling_file_comes_back(tmp_path: Path) -> None:
     """What a coupling file says can be read again, and takes the place of the mapping."""
-    coupling = CouplingFile(shares={"a": {"b": 0.03}, "b": {"a": -0.02}})
+    shares = {"a": {"b": 0.03}, "b": {"a": -0.02}}
+    coupling = CouplingFile(shares=shares, lags_s={"b": {"a": 0.004}})
     path = tmp_path / "coupling.yaml"
     path.write_text(dump_coupling(coupling), encoding="utf-8")
     assert load_coupling(path) == coupling
     config = load(tmp_path, TWO, **good(coupling="coupling.yaml"))
     assert config.transform is not None
     assert config.transform.coupling == coupling
+    assert config.transform.lags == ((), ((0, -0.02, 0.004),))
     shown_um = config.transform.frame().actuators([10.0, 0.0])
     assert shown_um[1] == pytest.approx(0.2, abs=1e-3)

@@ -1,5 +1,6 @@
 """A stage with user axes on ideal devices, whose actuators move each other."""
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -56,18 +57,25 @@ def stage_config(transform: str, actuators: str) -> DaemonConfig:
 
 
 class CoupledDevices(IdealDevices):
-    """Ideal devices; each sensor shows a little of the other actuators."""
+    """Ideal devices; each sensor shows a little of the other actuators, some cycles later."""
 
-    def __init__(self, config: DaemonConfig, coupling: Matrix) -> None:
+    def __init__(self, config: DaemonConfig, coupling: Matrix, late_cycles: int) -> None:
         super().__init__(config)
         self._coupling = coupling
+        self._past: deque[list[float]] = deque(maxlen=late_cycles + 1)
         self.invalid: set[int] = set()
         """Sensors that show nothing."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Return what the sensors show."""
         own_um = [sample.position_um for sample in super().read(now_ns)]
-        shown_um = times(self._coupling, own_um)
+        self._past.append(own_um)
+        before_um = self._past[0]
+        moved_um = times(self._coupling, before_um)  # its diagonal is 1
+        shown_um = [
+            um + moved - before
+            for um, moved, before in zip(own_um, moved_um, before_um, strict=True)
+        ]
         return [Sample(now_ns, um, i not in self.invalid) for i, um in enumerate(shown_um)]
 
 
@@ -78,13 +86,20 @@ class CoupledStage:
         transform: Its `transform:`.
         actuators: Its actuators, each a letter.
         share: How far each actuator moves the sensors of the others.
+        late_cycles: How much later.
     """
 
-    def __init__(self, transform: str = TWO, actuators: str = "ab", share: float = 0.03) -> None:
+    def __init__(
+        self,
+        transform: str = TWO,
+        actuators: str = "ab",
+        share: float = 0.03,
+        late_cycles: int = 0,
+    ) -> None:
         self.config = stage_config(transform, actuators)
         size = len(actuators)
         coupling = tuple(tuple(1.0 if i == j else share for j in range(size)) for i in range(size))
-        self.devices = CoupledDevices(self.config, coupling)
+        self.devices = CoupledDevices(self.config, coupling, late_cycles)
         self.controller = assemble(self.config, self.devices, self.devices.capabilities())
         self.t_ns, self._period_ns = NS_PER_S, round(NS_PER_S / RATE_HZ)
         self.events: list[StageEvent] = []

@@ -88,7 +88,8 @@ class SimulatedRig:
         outputs = len(self._wiring.outputs)
         self._player = TablePlayer(self._channels, outputs, self._inputs, self._options)
         if self._options.coupling:
-            self._coupling = RigCoupling(self._options.coupling, self._axes, self._inputs)
+            lag_ns = self._options.coupling_lag_s * NS_PER_S
+            self._coupling = RigCoupling(self._options.coupling, self._axes, self._inputs, lag_ns)
         self._origin_ns = None
         return Identity(
             maker="piezod",
@@ -142,6 +143,9 @@ class SimulatedRig:
             for i, quantity in self._inputs
         ]
         if self._coupling is not None:
+            self._coupling.advance(
+                [each.plant.true_displacement_um for each in self._channels], t_ns
+            )
             uncoupled = [_sample(each, "", now_ns) for each in self._channels]
             own = self._coupling.samples(own, uncoupled)
         return [*own, *self._lines.samples(t_ns, now_ns)] if self._lines.inputs else own
@@ -165,7 +169,7 @@ class SimulatedRig:
             axis_model.plant.advance_to(t_ns)
         true_um = [each.plant.true_displacement_um for each in self._channels]
         if self._coupling is not None:
-            true_um = self._coupling.matrix.dot(true_um).tolist()
+            true_um = self._coupling.advance(true_um, t_ns)
         return [true_um[i] for i, _ in self._inputs]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:

@@ -157,6 +157,9 @@ class SimulatedOptions(ConfigModel):
     coupling: dict[Name, dict[Name, Annotated[float, Quantity(-0.5, 0.5)]]] = Field(
         {}, description="axis: how far 1 µm of each other axis moves it, µm"
     )
+    coupling_lag_s: Annotated[float, Quantity(0, 1, "s")] = Field(
+        0.0, description="time constant with which it follows the other axes, s"
+    )
 
     camera: CameraOptions | None = Field(
         None, description="what pulses the trigger input; left out: nothing"

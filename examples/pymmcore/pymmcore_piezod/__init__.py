@@ -22,6 +22,11 @@ class PiezodStage(StageDevice):
     def initialize(self) -> None:
         """Connect, and arm the stage."""
         client = StageClient(self._stage, name="pymmcore")
+        if (unit := client.status().axes[self._axis].unit) != "µm":
+            client.close()
+            raise ValueError(
+                f"axis {self._axis} is in {unit}: positions of a StageDevice are in µm"
+            )
         client.arm()
         client.mode(self._mode, axis=self._axis)
         self._client = client

@@ -20,16 +20,17 @@ def fit_couplings(data: Path, out: Path | None, *, json: bool) -> None:
         pairs = [pair._asdict() for pair in found.pairs]
         print_json({"coupling": pairs, "file": None if out is None else str(out)})
         return
-    table = new_table("axis", "moves", right=("by/%", "±/%", "error/µm", "left/µm", "later/ms"))
+    table = new_table(
+        "axis", "moves", right=("by/%", "±/%", "error/µm", "left/µm", "later/ms", "±/ms")
+    )
     for pair in found.pairs:
         table.add_row(pair.moving, pair.resting, *_numbers(pair))
     console = new_console()
     console.print(table)
-    lags = [pair for pair in found.pairs if pair.lag_s]
-    if lags:
+    if any(pair.lag_s for pair in found.pairs):
         console.print(
-            "Some axes move later than those that move them. A transform takes all couplings as "
-            "static: errors of fast motion remain.",
+            "Some axes move later than those that move them: the transform corrects that in moves "
+            "and waves, not in streams of setpoints.",
             soft_wrap=True,
         )
     if out is not None:
@@ -39,4 +40,5 @@ def fit_couplings(data: Path, out: Path | None, *, json: bool) -> None:
 def _numbers(pair: CoupledPair) -> list[str]:
     lag = f"{1e3 * pair.lag_s:.2f}" if pair.lag_s else "–"
     percent = (f"{100 * pair.share:.3f}", f"{100 * pair.uncertainty:.3f}")
-    return [*percent, f"{pair.before_um:.3f}", f"{pair.after_um:.3f}", lag]
+    uncertain = f"{1e3 * pair.lag_uncertainty_s:.2f}"
+    return [*percent, f"{pair.before_um:.3f}", f"{pair.after_um:.3f}", lag, uncertain]

@@ -5,7 +5,7 @@ from math import inf, nan
 from typing import Final
 
 from piezod.control.reference.motion import Motion, Reference, UnknownFuture
-from piezod.coordinates.frame import Frame
+from piezod.coordinates.frame import Frame, Lags
 from piezod.coordinates.matrices import times
 from piezod.coordinates.paths import outside, share_within
 
@@ -22,6 +22,7 @@ class UserPath:
         motions: Movement of each user axis, and the time that it had run at the start, in s.
         low_um: Lowest displacement of each actuator, in µm.
         high_um: Highest displacement of each actuator, in µm.
+        lags: What moves each actuator later; empty if nothing does.
     """
 
     def __init__(
@@ -30,8 +31,9 @@ class UserPath:
         motions: Sequence[tuple[Motion, float]],
         low_um: Sequence[float],
         high_um: Sequence[float],
+        lags: Lags = (),
     ) -> None:
-        self._frame, self.motions = frame, motions
+        self._frame, self.motions, self._lags = frame, motions, lags
         start_um = frame.actuators(self.user(0.0))
         # Creep may have brought an actuator out of its range: from there it may come back.
         self.low_um = [min(pair) for pair in zip(low_um, start_um, strict=True)]
@@ -71,6 +73,27 @@ class UserPath:
         self._t_s, self._last_um = t_s, point_um
         return point_um
 
+    def late_um(self, actuator: int, t_s: float) -> float:
+        """Return how much farther an actuator has to go, in µm: others move it later.
+
+        The frame takes all couplings as if they had no lag. This is the rest: of setpoints of a
+        stream, whose past is not kept, it is 0.
+        """
+        late_um = 0.0
+        for other, share, lag_s in self._lags[actuator] if self._lags else ():
+            late_um += share * (self.actuators(t_s)[other] - self._before(t_s - lag_s)[other])
+        return late_um
+
+    def _before(self, t_s: float) -> list[float]:
+        """Return the displacements at a time, which before the start is mirrored at its point.
+
+        So place and speed have no step where one movement follows another.
+        """
+        if t_s >= 0.0:
+            return self.actuators(t_s)
+        pairs = zip(self.actuators(0.0), self.actuators(-t_s), strict=True)
+        return [2.0 * start_um - after_um for start_um, after_um in pairs]
+
     def forget(self) -> None:
         """Evaluate the movements again: a setpoint has changed."""
         self._t_s = nan
@@ -104,7 +127,7 @@ class _Actuator:
         self._path, self._index = path, index
 
     def __call__(self, t_s: float) -> float:
-        return self._path.actuators(t_s)[self._index]
+        return self._path.actuators(t_s)[self._index] + self._path.late_um(self._index, t_s)
 
 
 class _StreamedActuator(UnknownFuture):
@@ -114,7 +137,7 @@ class _StreamedActuator(UnknownFuture):
         self._path, self._index = path, index
 
     def __call__(self, t_s: float) -> float:
-        return self._path.actuators(t_s)[self._index]
+        return self._path.actuators(t_s)[self._index] + self._path.late_um(self._index, t_s)
 
 
 class UserStream:

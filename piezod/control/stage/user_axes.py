@@ -50,7 +50,7 @@ class UserAxes:
     def __init__(self, config: TransformConfig, axes: Sequence[StageAxis], period_ns: int) -> None:
         self.names = tuple(config.axes)
         self.units = [axis.unit for axis in config.axes.values()]
-        self._axes, self._frame = axes, config.frame()
+        self._axes, self._frame, self._lags = axes, config.frame(), config.lags
         names = [axis.name for axis in axes]
         self.at = [names.index(name) for name in config.actuators]
         """Index of each actuator among the axes."""
@@ -215,7 +215,18 @@ class UserAxes:
                 um += factor * readings[j].position_um
                 valid = valid and readings[j].valid
             samples[i] = Sample(readings[i].t_ns, um, valid)
+        for i, late_um in zip(self.at, self._late_um(t_ns), strict=True):
+            if late_um:
+                samples[i] = samples[i]._replace(position_um=samples[i].position_um + late_um)
         return samples
+
+    def _late_um(self, t_ns: int) -> list[float]:
+        """Return what the actuators go farther now because others move them later, in µm."""
+        path = self._path
+        if path is None or not self._lags or not self._follows():
+            return [0.0] * len(self.at)
+        t_s = (t_ns - self._began_ns) / NS_PER_S
+        return [path.late_um(i, t_s) for i in range(len(self.at))]
 
     def records(self, records: Sequence[AxisRecord], t_ns: int) -> list[AxisRecord]:
         """Return the records of the user axes, from those of the axes. Call once per cycle."""
@@ -226,9 +237,10 @@ class UserAxes:
             return [records[i]._replace(position_um=nan, command_um=nan) for i in self.at]
 
     def _records(self, records: Sequence[AxisRecord], t_ns: int) -> list[AxisRecord]:
-        of = [records[i] for i in self.at]
-        positions = self._frame.user([each.position_um for each in of])
-        commands = self._frame.user([each.command_um for each in of])
+        of, late_um = [records[i] for i in self.at], self._late_um(t_ns)
+        pairs = list(zip(of, late_um, strict=True))
+        positions = self._frame.user([each.position_um - late for each, late in pairs])
+        commands = self._frame.user([each.command_um - late for each, late in pairs])
         targets = self._targets([each.target_um for each in of])
         trims = times(self._frame.to_user, [each.trim_um for each in of])
         limited = max([each.limited for each in of], key=_SEVERITY.__getitem__)
@@ -304,7 +316,8 @@ class UserAxes:
     def _here(self, t_ns: int) -> tuple[list[float], list[float]]:
         """Return point and speed of the user axes, as commanded."""
         pairs = [axis.reference_at(t_ns) for axis in self.actuators]
-        point = self._frame.user([um for um, _ in pairs])
+        late_um = self._late_um(t_ns)
+        point = self._frame.user([um - late for (um, _), late in zip(pairs, late_um, strict=True)])
         return point, times(self._frame.to_user, [um_per_s for _, um_per_s in pairs])
 
     def _lasts_s(
@@ -330,7 +343,7 @@ class UserAxes:
         ]
         limits = [axis.motion_limits for axis in self.actuators]
         low_um, high_um = [each.low_um for each in limits], [each.high_um for each in limits]
-        return UserPath(self._frame, all_motions, low_um, high_um)
+        return UserPath(self._frame, all_motions, low_um, high_um, self._lags)
 
     def _going_on(
         self, axis: int, here: float, t_ns: int, *, goes_on: bool

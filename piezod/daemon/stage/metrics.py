@@ -7,7 +7,7 @@ conventions of Prometheus; docs/monitoring.md explains the metrics.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
 from math import dist, hypot, nan
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from prometheus_client.core import (
     CounterMetricFamily,
@@ -33,9 +33,10 @@ from piezod.telemetry.layout import enumerations
 from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
-_UM_PER_M: Final = 1e6
-_SECONDS, _METERS = 1e-6, 1e-9
+_OF_MICRO: Final = 1e-6
+_SECONDS, _OF_NANO = 1e-6, 1e-9
 """Units of the limits of a histogram of times, and of one of errors."""
+T = TypeVar("T")
 
 Labels = tuple[str, ...]
 Rows = Iterable[tuple[Labels, float]]
@@ -170,9 +171,12 @@ class _Families(Collector):
     def _axes(self) -> Iterator[Metric]:
         axes = self._axis_records()
         for name in ("position", "command"):
-            rows = [((axis,), one[f"{name}_um"] / _UM_PER_M) for axis, one in axes.items()]
-            text = f"{name.capitalize()} in the newest cycle."
-            yield self._gauge(f"axis_{name}_meters", text, rows, "axis")
+            text, values = (
+                f"{name.capitalize()} in the newest cycle.",
+                {axis: one[f"{name}_um"] * _OF_MICRO for axis, one in axes.items()},
+            )
+            for unit, rows in self._by_unit(values):
+                yield self._gauge(f"axis_{name}_{unit}", text, rows, "axis")
         for name, what in (("drive_v", "drive"), ("read_back_v", "read_back")):
             rows = [((axis,), one[name]) for axis, one in axes.items()]
             text = f"{what.replace('_', '-').capitalize()} voltage in the newest cycle."
@@ -184,9 +188,20 @@ class _Families(Collector):
         text = "1 for what limits the drive."
         yield self._gauge("axis_drive_limited", text, limited, "axis", "limit")
         errors = counts_of(self._loop.shared).errors
-        histograms = [((axis,), each) for axis, each in zip(self._loop.axes, errors, strict=True)]
         text = "Absolute value of command minus position, of all cycles."
-        yield self._histogram("axis_error_meters", text, histograms, _METERS, "axis")
+        for unit, histograms in self._by_unit(dict(zip(self._loop.axes, errors, strict=True))):
+            yield self._histogram(f"axis_error_{unit}", text, histograms, _OF_NANO, "axis")
+
+    def _by_unit(self, of_axes: Mapping[str, T]) -> Iterator[tuple[str, list[tuple[Labels, T]]]]:
+        """Yield rows of the axes in each unit, which the names of metrics end in."""
+        for unit, word in (("µm", "meters"), ("µrad", "radians")):
+            rows: list[tuple[Labels, T]] = [
+                ((axis,), value)
+                for axis, value in of_axes.items()
+                if self._loop.config.unit(axis) == unit
+            ]
+            if rows or unit == "µm":  # before the first cycle there are no rows
+                yield word, rows
 
     def _chosen(self, name: str) -> Rows:
         """Return a row for each axis and member of the enumeration of a field of its record."""

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import piezod
-from piezod.config.coupling_file import MOST_SHARE, CouplingFile
+from piezod.config.coupling_file import MOST_LAG_S, MOST_SHARE, CouplingFile
 from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording.reader import RecordedTelemetry, read_telemetry
+from piezod.units import NS_PER_S
 
 _BLOCK_S: Final = 0.05
 """An axis rests or moves over blocks of this time, in s."""
@@ -20,8 +21,9 @@ _MOVING: Final = 1e-3
 """An axis moves if its voltage changes in a block by more than this share of its range."""
 _LEAST_SWING_UM: Final = 0.5
 _LEAST_SAMPLES: Final = 100
-_CLEAR: Final = 5.0
-"""A lag is told if it is larger than this many times its uncertainty, and than a period."""
+_CLEAR: Final = 3.0
+"""A lag is there if that of one half makes the errors of the other half smaller, beyond noise by
+this factor, and the other way round."""
 
 
 class CoupledPair(NamedTuple):
@@ -35,6 +37,7 @@ class CoupledPair(NamedTuple):
     before_um: float  #: Largest error by this coupling in the recording, in µm.
     after_um: float  #: What remains of it, in µm.
     lag_s: float  #: How much later the resting axis moves, in s; 0 if the recording shows none.
+    lag_uncertainty_s: float  #: Standard uncertainty of that, in s, also of a lag of 0.
 
 
 @dataclass(frozen=True)
@@ -47,13 +50,17 @@ class CouplingFit:
     def file(self, created_at: str) -> CouplingFile:
         """Return the coupling file; `created_at` is the time, ISO 8601."""
         shares: dict[str, dict[str, float]] = {}
+        lags_s: dict[str, dict[str, float]] = {}
         for pair in self.pairs:
             shares.setdefault(pair.resting, {})[pair.moving] = pair.share
+            if pair.lag_s:
+                lags_s.setdefault(pair.resting, {})[pair.moving] = pair.lag_s
         return CouplingFile(
             created_at=created_at,
             created_by=f"piezod {piezod.__version__}",
             source=self.source,
             shares=shares,
+            lags_s=lags_s,
         )
 
 
@@ -136,7 +143,66 @@ def _alone(path: Path, moves: Mapping[str, NDArray[np.bool_]], axis: str) -> sli
     return best
 
 
+class _Motion(NamedTuple):
+    """Rows of a motion, (n,) each; means over a block, so that noise does not hide the speed."""
+
+    since_s: FloatArray
+    mover_um: FloatArray
+    speed_um_per_s: FloatArray
+    rester_um: FloatArray
+
+    def part(self, rows: slice) -> "_Motion":
+        return _Motion(*(column[rows] for column in self))
+
+    def fitted(self, late: float | None = None) -> tuple[float, float, FloatArray]:
+        """Return what the resting axis shows of way and speed of the other one, and what it leaves.
+
+        Beside them it creeps: a constant, a straight line and a logarithm of time are fitted, too.
+
+        Args:
+            late: What it shows of the speed, if that is known, in s.
+        """
+        since_s = self.since_s
+        creep = (np.ones_like(since_s), since_s, np.log1p(since_s / _BLOCK_S))
+        speed = () if late is not None else (self.speed_um_per_s,)
+        matrix = np.stack((self.mover_um, *creep, *speed), axis=1)
+        shown_um = self.rester_um - (late or 0.0) * self.speed_um_per_s
+        scale = np.maximum(np.abs(matrix).max(axis=0), 1e-12)
+        solution = np.linalg.lstsq(matrix / scale, shown_um, rcond=None)[0] / scale
+        found = float(solution[-1]) if late is None else late
+        return float(solution[0]), found, shown_um - matrix @ solution
+
+
 def _pair(telemetry: RecordedTelemetry, moving: str, resting: str, rows: slice) -> CoupledPair:
+    motion = _motion(telemetry, moving, resting, rows)
+    share, late, left_um = motion.fitted()
+    half = motion.since_s.size // 2
+    halves = motion.part(slice(None, half)), motion.part(slice(half, None))
+    fits = [each.fitted() for each in halves]
+    lag_s, uncertain_s = 0.0, 0.0
+    if share:
+        lag_s = -late / share
+        uncertain_s = abs(fits[0][1] - fits[1][1]) / 2 / abs(share)
+    shown = 0.0 < lag_s <= MOST_LAG_S and _held_out(halves, (fits[1][1], fits[0][1]))
+    return CoupledPair(
+        moving,
+        resting,
+        share,
+        abs(fits[0][0] - fits[1][0]) / 2,
+        float(np.ptp(motion.mover_um)),
+        float(np.max(np.abs(share * (motion.mover_um - motion.mover_um[0])))),
+        float(np.max(np.abs(left_um))),
+        lag_s if shown else 0.0,
+        uncertain_s,
+    )
+
+
+def _motion(telemetry: RecordedTelemetry, moving: str, resting: str, rows: slice) -> _Motion:
+    """Return the motion in these rows.
+
+    Raises:
+        DataError: If it is too small or too short.
+    """
     t_s = telemetry.cycles["t_s"][rows]
     mover_um, rester_um = (telemetry.axes[name]["position_um"][rows] for name in (moving, resting))
     valid = np.isfinite(mover_um) & np.isfinite(rester_um)
@@ -147,45 +213,35 @@ def _pair(telemetry: RecordedTelemetry, moving: str, resting: str, rows: slice) 
             f"axis {moving} moves alone by {swing_um:.3g} µm in {int(valid.sum())} usable samples, "
             f"allowed: at least {_LEAST_SWING_UM:g} µm and {_LEAST_SAMPLES} samples"
         )
-    speed_um_per_s = np.gradient(mover_um, t_s)
-    share, late, left_um = _fitted(t_s, mover_um, speed_um_per_s, rester_um)
-    half = t_s.size // 2
-    halves = [
-        _fitted(t_s[part], mover_um[part], speed_um_per_s[part], rester_um[part])
-        for part in (slice(None, half), slice(half, None))
-    ]
-    uncertainty = abs(halves[0][0] - halves[1][0]) / 2
-    lag_s = -late / share if share else 0.0
-    lag_uncertain_s = abs(halves[0][1] - halves[1][1]) / 2 / abs(share) if share else 0.0
-    shown = lag_s > max(_CLEAR * lag_uncertain_s, 1.0 / telemetry.header.rate_hz)
-    return CoupledPair(
-        moving,
-        resting,
-        share,
-        uncertainty,
-        swing_um,
-        float(np.max(np.abs(share * (mover_um - mover_um[0])))),
-        float(np.max(np.abs(left_um))),
-        lag_s if shown else 0.0,
+    size = min(max(round(_BLOCK_S * telemetry.header.rate_hz), 2), t_s.size // 10)
+    block = np.full(size, 1.0 / size)
+    t_s, mover_um, rester_um = (
+        np.convolve(each, block, mode="valid") for each in (t_s, mover_um, rester_um)
     )
+    later_s = _seen_later_s(telemetry, moving, resting, rows)
+    rester_um = np.interp(t_s + later_s, t_s, rester_um)
+    motion = _Motion(t_s - t_s[0], mover_um, np.gradient(mover_um, t_s), rester_um)
+    return motion.part(slice(None, None, max(size // 2, 1)))
 
 
-def _fitted(
-    t_s: FloatArray, mover_um: FloatArray, speed_um_per_s: FloatArray, rester_um: FloatArray
-) -> tuple[float, float, FloatArray]:
-    """Return what the resting axis shows of way and speed of the other one, and what it leaves.
+def _held_out(halves: tuple[_Motion, _Motion], lates: tuple[float, float]) -> bool:
+    """Return whether each half is described better with what the other one shows of the speed."""
+    for half, late in zip(halves, lates, strict=True):
+        without, with_lag = (float(np.square(half.fitted(each)[2]).sum()) for each in (0.0, late))
+        if without - with_lag <= _CLEAR**2 * with_lag / half.since_s.size:
+            return False
+    return True
 
-    Beside them it creeps: a constant, a straight line and a logarithm of time are fitted, too.
-    """
-    since_s = t_s - t_s[0]
-    terms = (
-        mover_um,
-        speed_um_per_s,
-        np.ones_like(since_s),
-        since_s,
-        np.log1p(since_s / _BLOCK_S),
-    )
-    matrix = np.stack(terms, axis=1)
-    scale = np.maximum(np.abs(matrix).max(axis=0), 1e-12)
-    solution = np.linalg.lstsq(matrix / scale, rester_um, rcond=None)[0] / scale
-    return float(solution[0]), float(solution[1]), rester_um - matrix @ solution
+
+def _seen_later_s(telemetry: RecordedTelemetry, moving: str, resting: str, rows: slice) -> float:
+    """Return how much later the sensor of the resting axis shows the same instant, in s."""
+    axes = (telemetry.header.configuration() or {}).get("axes", {})
+
+    def later_s(name: str) -> float:
+        delay_s = float(axes.get(name, {}).get("compensator", {}).get("sensor_delay_s", 0.0))
+        if "sample_ns" not in telemetry.axes[name]:
+            return delay_s
+        after_ns = telemetry.axes[name]["sample_ns"] - telemetry.cycles["t_ns"]
+        return delay_s - float(np.nanmedian(after_ns[rows])) / NS_PER_S
+
+    return later_s(resting) - later_s(moving)

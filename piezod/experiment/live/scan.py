@@ -17,7 +17,7 @@ from piezod.experiment.play.axis import PlayingAxis
 from piezod.experiment.scan.by_loop import or_by_loop
 from piezod.experiment.scan.edges import sweep_ns
 from piezod.experiment.scan.pixels import SweepSamples
-from piezod.experiment.scan.plan import check_edges, plan_scan
+from piezod.experiment.scan.plan import PlannedAxis, check_edges, plan_scan
 from piezod.experiment.scan.run import (
     ScanResult,
     ScanSetting,
@@ -130,8 +130,11 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
     setup = read_setup(client)
     _check(scan, setup)
     names = [span.axis for span in scan.spans]
-    planned = {name: planned_axis(setup.axes[name].config, setup.model_of(name)) for name in names}
+    planned = {name: _planned(setup, name) for name in names}
     if scan.mode is not None:
+        units = {name: axis["unit"].replace("µ", "u") for name, axis in setup.user_axes.items()}
+        used = {name: unit for name, unit in units.items() if name in names and unit != "um"}
+        setting = setting._replace(units=used)
         return scan_by_running_loop(client, setup, scan, scan.mode, planned, setting, told)
     waits = {each["name"]: each.get("edge_waits", 0) for each in client.status().devices}
     device = setup.axes[names[0]].config.amplifier.device
@@ -153,12 +156,36 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
     return result
 
 
+def _planned(setup: LiveSetup, name: str) -> PlannedAxis:
+    """Return what a plan needs to know of an axis; a user axis is as fast as its actuators."""
+    by = {
+        each: planned_axis(setup.axes[each].config, setup.model_of(each))
+        for each in setup.moved_by(name)
+    }
+    if name not in setup.user_axes:
+        return by[name]
+    low, high = setup.user_axes[name]["command_range_um"]
+    modes_hz = [each.mode_hz for each in by.values() if each.mode_hz is not None]
+    speed = setup.user_speed(name, {each: one.speed_um_per_s for each, one in by.items()})
+    return PlannedAxis((low, high), min(modes_hz, default=None), speed, 0.0)
+
+
 def _check(scan: AnyScan, setup: LiveSetup) -> None:
     """Refuse a scan that does not fit the stage; the text has a line for each problem."""
-    axes = {name: axis.config for name, axis in setup.axes.items()}
-    problems = [f"{'.'.join(map(str, path))}: {what}" for path, what in broken_scan(scan, axes)]
+    users = {name: tuple(axis["command_range_um"]) for name, axis in setup.user_axes.items()}
+    moved = {each for name in users for each in setup.moved_by(name)}
+    alone = {
+        name: axis.config.command_range_um for name, axis in setup.axes.items() if name not in moved
+    }
+    problems = [
+        f"{'.'.join(map(str, path))}: {what}"
+        for path, what in broken_scan(scan, {**users, **alone})
+    ]
+    if scan.mode is None and any(span.axis in users for span in scan.spans):
+        problems.append("mode: needed, because the loop moves user axes, no table of a device")
     if problems:
         raise DataError("\n".join(f"stage {setup.stage}: {problem}" for problem in problems))
     for span in scan.spans:
-        setup.measured_axis(span.axis, "a scan")
-        setup.model_of(span.axis)
+        for axis in setup.moved_by(span.axis):
+            setup.measured_axis(axis, "a scan")
+            setup.model_of(axis)

@@ -142,9 +142,9 @@ def scan_by_running_loop(
         OSError: If the file cannot be written.
     """
     lines = setup.document.get("lines", {})
-    check_lines(scan, lines)
+    check_lines(scan, lines, setup.user_axes)
     plan = plan_by_loop(scan, planned, round(NS_PER_S / setup.rate_hz))
-    configs = [setup.axes[name].config for name in plan.axes]
+    configs = [setup.axes[setup.moved_by(name)[0]].config for name in plan.axes]
     with LiveStage(client, setup, lambda _over_s: None) as stage:
         on = RunningLoopStage(stage, mode, plan.axes, tuple(lines))
         result = run_by_loop(scan, plan, configs, on, setting, told)

@@ -10,6 +10,7 @@ from piezod.client.errors import unexpected
 from piezod.client.request_bodies import tupled
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
+from piezod.config.transform import TransformConfig
 from piezod.config.waveforms.waveform import Waveform
 from piezod.control.law.model import StageModel, with_found_mode
 from piezod.control.law.model_files import from_model_file
@@ -65,6 +66,27 @@ class LiveSetup:
     def safe_at_rest(self) -> bool:
         """Whether all axes rest at their safe voltage."""
         return all(axis.safe_at_rest for axis in self.axes.values())
+
+    @property
+    def user_axes(self) -> Mapping[str, Document]:
+        """User axes by name, with the keys of an axis."""
+        found: Mapping[str, Document] = self.document.get("user_axes", {})
+        return found
+
+    def moved_by(self, name: str) -> tuple[str, ...]:
+        """Return the axes that move an axis: all actuators move a user axis."""
+        return tuple(self._transform.actuators) if name in self.user_axes else (name,)
+
+    def user_speed(self, name: str, speeds_um_per_s: Mapping[str, float]) -> float:
+        """Return how fast a user axis is, in its unit/s, if its actuators are as fast as this."""
+        transform = self._transform
+        at = list(transform.axes).index(name)
+        ways = zip(transform.actuators, transform.frame().to_actuators, strict=True)
+        return min(speeds_um_per_s[axis] / abs(row[at]) for axis, row in ways if row[at])
+
+    @property
+    def _transform(self) -> TransformConfig:
+        return TransformConfig.model_validate(tupled(self.document["transform"]))
 
     def measured_axis(self, name: str | None, what: str) -> str:
         """Return the name of an axis with a sensor.

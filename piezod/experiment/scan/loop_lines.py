@@ -23,19 +23,25 @@ class PartLines(NamedTuple):
     edges: LineEdges | None = None  #: The edges for which it waits; None for none.
 
 
-def check_lines(scan: AnyScan, lines: Mapping[str, Any]) -> None:
+def check_lines(scan: AnyScan, lines: Mapping[str, Any], users: Collection[str] = ()) -> None:
     """Refuse a scan whose lines the stage does not have.
 
     Args:
         scan: The scan.
         lines: The lines of the stage, as its configuration has them, by name.
+        users: Names of its user axes, with which no line is in step.
 
     Raises:
         DataError: If there is one; the text has a line for each problem.
     """
     found = ", ".join(lines) or "none: name digital channels in `lines:` of its configuration"
-    problems = []
-    for key, name in (*_pulse_names(scan), *([("edge", scan.edge)] if scan.edge else ())):
+    wanted = [*_pulse_names(scan), *([("edge", scan.edge)] if scan.edge else ())]
+    problems = [
+        f"{span.axis} is a user axis: lines are in step with the axes of `axes:` only"
+        for span in scan.spans
+        if wanted and span.axis in users
+    ]
+    for key, name in wanted:
         if name not in lines:
             problems.append(f"{key}: no line {name!r}; the stage has {found}")
         elif key != "edge" and lines[name].get("output") is None:

@@ -59,6 +59,8 @@ class ScanSetting(NamedTuple):
     file: Path  #: Path of the file to write; it must not exist.
     configuration: str  #: Text of the description, kept with the data.
     tables: Path | None = None  #: Folder of learned lines: where to look, and to store.
+    #: Unit of user axes in another unit than µm, as in `{"rx": "urad"}`.
+    units: Mapping[str, str] = {}
 
 
 def planned_axis(config: AxisConfig, model: StageModel) -> PlannedAxis:
@@ -170,6 +172,7 @@ def scan_header(
         configuration=setting.configuration,
         by_loop=scan.mode is not None,
         edges=plan.edges is not None,
+        units=setting.units,
     )
 
 

@@ -32,7 +32,7 @@ def scan_figure(scan: StoredScan) -> Figure:
 def _draw_curve(axes: Axes, scan: StoredScan, values: FloatArray) -> None:
     (name, scale_um), *_ = scan.scales
     axes.plot(scale_um, values, marker=".", **POSITION)
-    axes.set_xlabel(_label(name))
+    axes.set_xlabel(_label(scan, name))
 
 
 def _draw_picture(figure: Figure, axes: Axes, scan: StoredScan, picture: FloatArray) -> None:
@@ -42,9 +42,9 @@ def _draw_picture(figure: Figure, axes: Axes, scan: StoredScan, picture: FloatAr
     axes.grid(visible=False)
     extent = (*_ends(columns), *_ends(rows))
     image = axes.imshow(shown, origin="lower", extent=extent, aspect="auto", cmap="viridis")
-    if of_rows != "line":
+    if scan.units[of_rows] == scan.units[of_columns]:
         axes.set_aspect("equal")
-    axes.set(xlabel=_label(of_columns), ylabel=_label(of_rows))
+    axes.set(xlabel=_label(scan, of_columns), ylabel=_label(scan, of_rows))
     figure.colorbar(image, ax=axes, shrink=0.8)
 
 
@@ -54,5 +54,6 @@ def _ends(centres: FloatArray) -> tuple[float, float]:
     return float(centres[0]) - half, float(centres[-1]) + half
 
 
-def _label(scale: str) -> str:
-    return f"{scale.removesuffix('_um')} (µm)" if scale.endswith("_um") else scale
+def _label(scan: StoredScan, scale: str) -> str:
+    unit = scan.units[scale].replace("u", "µ", 1)
+    return f"{scale.removesuffix('_um')} ({unit})" if unit else scale

@@ -13,6 +13,7 @@ from piezod.records.parquet_file import write_parquet
 from piezod.records.recording.header import TelemetryHeader
 from piezod.records.recording.marks import faults_latched, faults_present, names_of
 from piezod.records.recording.reader import RecordedTelemetry, read_portions
+from piezod.records.recording.user_axes import user_units
 
 Table = dict[str, NDArray[Any]]
 
@@ -60,7 +61,11 @@ def _about(column: str, header: TelemetryHeader, axes: tuple[str, ...]) -> dict[
     """Return unit and description of a column, whose name may begin with that of an axis."""
     names = (column, *(column.removeprefix(f"{axis}_") for axis in axes))
     found = [header.descriptions[name] for name in names if name in header.descriptions]
-    return {"units": unit_of(column), "description": found[0] if found else ""}
+    units = unit_of(column)
+    for axis, unit in user_units(header).items():
+        if units == "um" and (column.startswith(f"{axis}_") or axes == (axis,)):
+            units = unit.replace("µ", "u")
+    return {"units": units, "description": found[0] if found else ""}
 
 
 def _metadata(header: TelemetryHeader) -> dict[str, str]:

@@ -40,7 +40,7 @@ export function positionCard(context, axis) {
 
   let jogged = null; // the position of the last step, which the stage may not have reached
   const jogs = new NewestOnly(go, SLIDER_EACH_MS);
-  const step = el("select", { "aria-label": "Step, in µm" }, STEPS_UM.map((each) => el("option", { selected: each === "1" }, each)));
+  const step = el("select", { "aria-label": "Step" }, STEPS_UM.map((each) => el("option", { selected: each === "1" }, each)));
   const jog = (sign, event) => {
     const step_um = Number(step.value);
     const { target_um, position_um } = axis.newest() ?? {};

@@ -17,7 +17,7 @@ export function columnLabel({ name, unit }) {
   const [group, column] = name.split("/");
   const words = AXIS[column]?.words ?? column.replace(/_(um|v|ns|s)$/, "").replaceAll("_", " ");
   const owner = group === "cycles" ? "loop" : group.replace(/^axis_/, "");
-  return `${owner}: ${words}${unit ? `, ${unit.replace(/^um$/, "µm")}` : ""}`;
+  return `${owner}: ${words}${unit ? `, ${unit.replace(/^u(?=m$|rad$)/, "µ")}` : ""}`;
 }
 
 /** The chart; it asks the span for zoom and pan, and shows what it is given. */

@@ -27,7 +27,7 @@ class ScanDialog extends JobDialog {
       "div", {},
       el("p", { class: "quiet" }, "The device plays a raster by its own clock, and whole frames are learned before the one that is stored; or the loop scans. The stage is disarmed at the end."),
       ...Object.entries(this.spans).map(([name, each]) => el(
-        "div", { class: "fields" }, field(name === "fast" ? "Fast axis" : "Slow axis", each.axis), field("From", each.from_um, "µm"), field("To", each.to_um, "µm"), field("Pixels", each.pixels),
+        "div", { class: "fields" }, field(name === "fast" ? "Fast axis" : "Slow axis", each.axis), field("From", each.from_um, each.units[0]), field("To", each.to_um, each.units[1]), field("Pixels", each.pixels),
       )),
       el("div", { class: "fields" }, field("By", this.by), field("Sweeps", this.sweeps), field("Lines per second", lines_per_s), field("Corrections", passes)),
       el("details", {}, el("summary", {}, "Table and pulses"), el(
@@ -43,38 +43,40 @@ class ScanDialog extends JobDialog {
   #span(place) {
     const axis = axisSelect(this.context);
     axis.selectedIndex = Math.min(place, axis.options.length - 1);
-    return { axis, from_um: numberInput(5), to_um: numberInput(15), pixels: numberInput(64, { min: 1, max: 10000, step: 1 }) };
+    const units = [el("span", {}, "µm"), el("span", {}, "µm")];
+    return { axis, units, from_um: numberInput(5), to_um: numberInput(15), pixels: numberInput(64, { min: 1, max: 10000, step: 1 }) };
   }
 
   #take(config) {
-    this.axes = config?.axes ?? {};
+    this.axes = { ...config?.axes, ...config?.user_axes };
     this.#draw();
   }
 
   /** Draw what is swept over the range of the axes. */
   #draw() {
     const [x, y] = Object.values(this.spans).map((span) => {
-      const range = this.axes?.[span.axis.value]?.command_range_um;
+      const { command_range_um: range, unit = "µm" } = this.axes?.[span.axis.value] ?? {};
+      for (const each of span.units) each.textContent = unit;
       if (!range) return null;
       const at = (value) => (SIZE * (value - range[0])) / (range[1] - range[0]);
       const ends = [span.from_um.valueAsNumber, span.to_um.valueAsNumber].map(at);
-      return { from: Math.min(...ends), width: Math.abs(ends[1] - ends[0]), range };
+      return { from: Math.min(...ends), width: Math.abs(ends[1] - ends[0]), range, unit };
     });
     if (!x || !y || ![x.from, x.width, y.from, y.width].every(Number.isFinite)) {
       this.outline.replaceChildren();
       return;
     }
-    const text = `The scan within ${x.range.join(" to ")} µm and ${y.range.join(" to ")} µm`;
+    const text = `The scan within ${x.range.join(" to ")} ${x.unit} and ${y.range.join(" to ")} ${y.unit}`;
     this.outline.replaceChildren(svg(
       "svg", { viewBox: `-4 -4 ${SIZE + 8} ${SIZE + 24}`, class: "scan-outline", role: "img", "aria-label": text },
       svg("rect", { x: 0, y: 0, width: SIZE, height: SIZE, class: "range" }),
       svg("rect", { x: x.from, y: SIZE - y.from - y.width, width: x.width, height: y.width, class: "swept" }),
-      svg("text", { x: 0, y: SIZE + 16 }, `${x.range[0]} to ${x.range[1]} µm`),
+      svg("text", { x: 0, y: SIZE + 16 }, `${x.range[0]} to ${x.range[1]} ${x.unit}`),
     ));
   }
 
   wanted() {
-    const spans = Object.fromEntries(Object.entries(this.spans).map(([name, { axis, ...numbers }]) => [name, { axis: axis.value, ...values(numbers) }]));
+    const spans = Object.fromEntries(Object.entries(this.spans).map(([name, { axis, units, ...numbers }]) => [name, { axis: axis.value, ...values(numbers) }]));
     const pulses = Object.fromEntries(Object.entries(values(this.pulses)).filter(([, line]) => Number.isFinite(line)));
     const by = this.by.value ? { mode: this.by.value } : { pulses };
     return { axis: spans.fast.axis, scan: { kind: "raster", ...spans, sweeps: this.sweeps.value, ...values(this.numbers), ...by } };

@@ -87,14 +87,14 @@ export function waveCard(context, axis) {
     const range = axis.range_um();
     const why = axis.moved() || objection("wave", context);
     card.bar([[start, why || mistake(wave, range)]], why);
-    const key = JSON.stringify([wave, range]);
+    const key = JSON.stringify([wave, range, axis.unit()]);
     if (key === drawn) return;
     drawn = key;
     const problem = mistake(wave, range);
     facts.classList.toggle("problem", Boolean(problem));
     const about = problem || `largest speed ${short(speed_um_per_s(wave))} µm/s · ${short(KINDS[wave.kind].turns(wave, wave.duration_s))} periods`;
     facts.textContent = about.replaceAll("µm", axis.unit());
-    draw(preview, wave, range, problem);
+    draw(preview, wave, range, problem, axis.unit());
   };
   form.addEventListener("input", show);
   form.addEventListener("submit", (event) => {
@@ -106,7 +106,7 @@ export function waveCard(context, axis) {
 }
 
 /** Draw a wave, or its beginning, over the range of commands. */
-function draw(preview, wave, range, problem) {
+function draw(preview, wave, range, problem, unit) {
   const known = [wave.low, wave.high].every(Number.isFinite) && wave.low < wave.high;
   const bounds = [...(range ?? []), ...(known ? [wave.low, wave.high] : [])];
   preview.replaceChildren();
@@ -122,10 +122,10 @@ function draw(preview, wave, range, problem) {
     return `${(part * WIDTH).toFixed(1)},${y(valueAt(wave, part * seconds)).toFixed(1)}`;
   });
   preview.append(svg("polyline", { class: problem ? "curve bad" : "curve", points: points.join(" ") }));
-  preview.setAttribute("aria-label", `${wave.kind} from ${short(wave.low)} to ${short(wave.high)} µm, ${short(seconds)} s shown`);
+  preview.setAttribute("aria-label", `${wave.kind} from ${short(wave.low)} to ${short(wave.high)} ${unit}, ${short(seconds)} s shown`);
   const text = (x, at, anchor, value) => svg("text", { x, y: at, "text-anchor": anchor }, value);
   preview.append(
-    text(3, y(top) - 3, "start", `${fixed(top, 1)} µm`), text(3, HEIGHT - 2, "start", `${fixed(bottom, 1)} µm`),
+    text(3, y(top) - 3, "start", `${fixed(top, 1)} ${unit}`), text(3, HEIGHT - 2, "start", `${fixed(bottom, 1)} ${unit}`),
     text(WIDTH - 3, HEIGHT - 2, "end", `${short(seconds)} s`),
   );
 }

@@ -41,6 +41,18 @@ def test_a_limit_stops_all_user_axes_where_they_are(z_per_s: float, tilt_per_s: 
             assert z == pytest.approx(5.0 + z_per_s * t_s, abs=1e-6)
 
 
+def test_an_actuator_goes_on_for_what_others_move_later() -> None:
+    """At a steady speed it is the way of that time, times the share; also from the start on."""
+    assert FRAME is not None
+    motions = [(_steady(5.0, 2.0), 0.0), (rest_at(0.0), 0.0)]
+    path = UserPath(FRAME, motions, LOW, HIGH, (((1, 0.03, 0.01),), ()))
+    for t_s in (0.0, 0.005, 1.0):
+        assert path.late_um(0, t_s) == pytest.approx(0.03 * 2.0 * 0.01)
+        assert path.late_um(1, t_s) == 0.0
+    first = path.references()[0]
+    assert first(1.0) == pytest.approx(7.0 + 0.03 * 2.0 * 0.01)
+
+
 def test_a_path_within_its_limits_does_not_stop() -> None:
     """A path that stays inside has no end by a limit."""
     path = _path(0.1, 0.1)

@@ -11,7 +11,7 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms.shapes import Component, Multisine, Sine
 from piezod.messages import requests as rq
-from tests.control.coupled_stage import TABLE, CoupledStage, point
+from tests.control.coupled_stage import TABLE, TWO, CoupledStage, point
 
 
 def _sine(low: float, high: float) -> Sine:
@@ -35,6 +35,20 @@ def test_a_user_axis_moves_alone_although_its_actuators_are_coupled() -> None:
     assert all(record["y"].position_um == pytest.approx(5.0, abs=1e-9) for record in records)
     assert records[-1]["x"].on_target
     assert records[-1]["b"].command_um == pytest.approx(5.0 - 0.03 * records[-1]["a"].command_um)
+
+
+@pytest.mark.parametrize(("lag_s", "least_um", "most_um"), [(0.0, 0.03, 1.0), (0.02, 0.0, 0.005)])
+def test_a_lag_of_the_coupling_is_corrected(lag_s: float, least_um: float, most_um: float) -> None:
+    """Four cycles at 200 Hz: y stays while x swings, and is shown where it is."""
+    lags = f"lags_s: {{a: {{b: {lag_s}}}, b: {{a: {lag_s}}}}}"
+    stage = CoupledStage(TWO.replace("{shares:", f"{{{lags}, shares:"), late_cycles=4)
+    stage.ask(rq.Path(points=({"x": 5.0, "y": 5.0},)))
+    stage.run(1.0)
+    assert stage.ask(rq.Wave(command_um={"x": _sine(3.0, 7.0)}, duration_s=3.0)).accepted
+    records = stage.run(4.0)
+    assert [record["y"].command_um for record in records] == pytest.approx([5.0] * len(records))
+    off_um = max(abs(record["y"].position_um - 5.0) for record in records)
+    assert least_um <= off_um <= most_um
 
 
 def test_a_path_is_straight_and_stops_at_its_points() -> None:

@@ -1,5 +1,7 @@
 """The coupling of axes, from a recording that moves one after the other."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,11 @@ PATH = Path("record.h5")
 
 
 def made_up(
-    shares: tuple[float, float] = (0.03, -0.02), *, together: bool = False, lag_s: float = 0.0
+    shares: tuple[float, float] = (0.03, -0.02),
+    *,
+    together: bool = False,
+    lag_s: float = 0.0,
+    seed: int = 1,
 ) -> RecordedTelemetry:
     """Return a recording of 20 s: a swings, then b, or both at once.
 
@@ -25,6 +31,7 @@ def made_up(
         shares: How far a moves b, and b moves a.
         together: Whether both swing all the time.
         lag_s: How much later the other axis follows.
+        seed: Seed of the noise.
     """
     t_s = np.arange(4000) / RATE_HZ
 
@@ -32,7 +39,7 @@ def made_up(
         since_s = np.clip(t_s - begin_s - shift_s, 0.0, 8.0)
         return 10.0 * (1.0 - np.cos(np.pi * since_s))
 
-    noise = np.random.default_rng(1).normal(0.0, 0.002, (2, t_s.size))
+    noise = np.random.default_rng(seed).normal(0.0, 0.002, (2, t_s.size))
     starts_s = {"a": 1.0, "b": 1.0 if together else 10.0}
     own = {name: swing_um(begin_s, 0.0) for name, begin_s in starts_s.items()}
     late = {name: swing_um(begin_s, lag_s) for name, begin_s in starts_s.items()}
@@ -66,10 +73,34 @@ def test_the_file_is_that_of_the_shares() -> None:
     assert file.source == "record.h5"
 
 
-def test_a_lag_is_told() -> None:
-    """An axis that follows 20 ms later is told, to a few ms."""
-    found = couplings_in(made_up(lag_s=0.02), PATH)
-    assert [pair.lag_s for pair in found.pairs] == pytest.approx([0.02, 0.02], abs=0.004)
+@pytest.mark.parametrize("lag_s", [0.02, 0.003])
+def test_a_lag_is_found(lag_s: float) -> None:
+    """An axis that follows later is told, also by less than a cycle, and the file has the lag."""
+    found = couplings_in(made_up(lag_s=lag_s), PATH)
+    assert [pair.lag_s for pair in found.pairs] == pytest.approx([lag_s, lag_s], abs=0.001)
+    assert all(pair.lag_uncertainty_s < 0.002 for pair in found.pairs)
+    file = found.file("now")
+    assert file.lags_s["b"]["a"] == pytest.approx(lag_s, abs=0.001)
+    assert file == CouplingFile.model_validate(file.model_dump())
+
+
+def test_what_the_sensors_show_later_is_no_lag() -> None:
+    """The delay of a sensor, and the instant at which it is read, are known."""
+    record = made_up(lag_s=0.02)
+    axes: dict[str, Any] = {"a": {}, "b": {"compensator": {"sensor_delay_s": 0.012}}}
+    header = replace(record.header, notes={"configuration": json.dumps({"axes": axes})})
+    record = replace(record, header=header)
+    record.cycles["t_ns"] = np.round(record.cycles["t_s"] * 1e9)
+    record.axes["b"]["sample_ns"] = record.cycles["t_ns"] - 8e6
+    pair = next(pair for pair in couplings_in(record, PATH).pairs if pair.resting == "b")
+    assert pair.lag_s == 0.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_lag(seed: int) -> None:
+    """Without a lag none is stored, whatever the noise."""
+    found = couplings_in(made_up(seed=seed), PATH)
+    assert found.file("now").lags_s == {}
 
 
 def test_axes_that_move_together_are_refused() -> None:

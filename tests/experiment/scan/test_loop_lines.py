@@ -73,6 +73,8 @@ def test_pulses_begin_half_a_cycle_before_their_pixel() -> None:
 def test_lines_that_the_stage_lacks_are_refused(change: dict[str, Any], words: str) -> None:
     """Before anything moves."""
     check_lines(SNAKE, LINES)
+    with pytest.raises(DataError, match="y is a user axis"):
+        check_lines(SNAKE, LINES, ["y", "rz"])
     wrong = type(SNAKE).model_validate({**SNAKE.model_dump(), **change})
     with pytest.raises(DataError, match=words):
         check_lines(wrong, LINES)

@@ -53,7 +53,10 @@ class DAQ_Move_Piezod(DAQ_Move_base):  # noqa: N801 - PyMoDAQ needs this form
         self.controller = stage = StageClient(self.settings["stage"] or None, name="pymodaq")
         status = stage.status()
         self._axis = self.settings["stage_axis"] or next(iter(status.axes))
-        low, high = stage.config()["axes"][self._axis]["command_range_um"]
+        config = stage.config()
+        axes = {**config["axes"], **config.get("user_axes", {})}
+        low, high = axes[self._axis]["command_range_um"]
+        self.axis_unit = status.axes[self._axis].unit
         for name, value in (("is_bounds", True), ("min_bound", low), ("max_bound", high)):
             self.settings.child("bounds", name).setValue(value)
         return f"stage {status.stage}, axis {self._axis}: {status.state}", True

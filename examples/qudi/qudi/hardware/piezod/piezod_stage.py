@@ -10,12 +10,13 @@ from piezod.client import StageClient
 from piezod.errors import PiezodError
 
 M_PER_UM: Final = 1e-6
+UNITS: Final = {"µm": "m", "µrad": "rad"}
 DONE, FAILED = 0, -1
 RESTS, MOVES = 0, 1
 
 
 class PiezodStage(MotorInterface):
-    """All axes of a stage; positions are in m, as everywhere in qudi.
+    """All axes of a stage that take commands; positions are in m or rad, as everywhere in qudi.
 
     The stage is armed while the module is active. A command that the daemon refuses returns -1, and
     the log has the reason.
@@ -36,7 +37,9 @@ class PiezodStage(MotorInterface):
         """Connect, and arm the stage."""
         self._client = StageClient(self._stage, name="qudi")
         self._motions: dict[str, int] = {}
-        axes = self._client.config()["axes"]
+        config = self._client.config()
+        axes = config.get("user_axes") or config["axes"]
+        self._units = {name: UNITS[axes[name].get("unit", "µm")] for name in axes}
         self._ranges_um = {name: tuple(axes[name]["command_range_um"]) for name in axes}
         self._client.arm()
         for axis in axes:
@@ -55,7 +58,7 @@ class PiezodStage(MotorInterface):
         )
         return {
             axis: {
-                "label": axis, "unit": "m", **unknown,
+                "label": axis, "unit": self._units[axis], **unknown,
                 "pos_min": low * M_PER_UM, "pos_max": high * M_PER_UM,
             }
             for axis, (low, high) in self._ranges_um.items()
