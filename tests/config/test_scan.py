@@ -57,9 +57,15 @@ def test_a_scan_has_defaults(tmp_path: Path) -> None:
         (
             "lines_per_s: 10",
             "lines_per_s: 1\n  mode: trimmed\n  pulses: {pixel: 1}",
-            ("no lines of pulses", "leave out `mode`"),
+            ("the name of an output in `lines:`", "the loop scans"),
         ),
-        ("lines_per_s: 10", "lines_per_s: 1\n  mode: trimmed\n  start: edge", ("trigger input",)),
+        (
+            "lines_per_s: 10",
+            "lines_per_s: 10\n  pulses: {pixel: shutter}",
+            ("must be a number", "without `mode`"),
+        ),
+        ("lines_per_s: 10", "lines_per_s: 1\n  mode: trimmed\n  start: edge", ("name the line",)),
+        ("lines_per_s: 10", "lines_per_s: 10\n  edge: exposed", ("leave it out",)),
         ("lines_per_s: 10", "lines_per_s: 500", ("a pixel lasts 25 µs", "50 µs", "250 lines/s")),
         (
             "lines_per_s: 10",
