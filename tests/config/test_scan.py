@@ -116,6 +116,11 @@ def test_a_scan_has_defaults(tmp_path: Path) -> None:
         ),
         (
             "10\n",
+            "10\n  mode: adaptive\n  pulses: {at: {line: 1, step_um: 1}}\n",
+            ("pulses.at", "that a device plays"),
+        ),
+        (
+            "10\n",
             "10\n  pulses: {line: 1, at: {line: 1, step_um: 1}}\n",
             ("line 1 is that of line",),
         ),
