@@ -94,12 +94,12 @@ def _files_with(name: str, kind: str, limit: int) -> Measure:
 
 def lines_of_product() -> Measure:
     """Count the lines of Python that are installed, by room."""
-    return _lines("product", PRODUCT, limit=117_700)
+    return _lines("product", PRODUCT, limit=120_000)
 
 
 def lines_of_tests() -> Measure:
     """Count the lines of the tests, by room."""
-    return _lines("tests", ("tests",), limit=119_300)
+    return _lines("tests", ("tests",), limit=121_500)
 
 
 def _lines(what: str, folders: Sequence[str], limit: int) -> Measure:

@@ -122,6 +122,7 @@ def _values(record: CycleRecord, skipped: int) -> list[float]:
         present_hi=record.present >> 64,
         latched_lo=record.latched & low,
         latched_hi=record.latched >> 64,
+        lines=record.lines,
         state=record.state,
         shadow=record.shadow,
         written=record.written,

@@ -7,6 +7,7 @@ from piezod.client.calls import Call, Waveforms, command
 from piezod.client.methods import ClientMethod, PlainMethod
 from piezod.config.modes import Mode
 from piezod.messages.answers import Answer
+from piezod.messages.documents import Document
 
 if TYPE_CHECKING:
     from piezod.config.model_file import ModelFile
@@ -83,7 +84,13 @@ class StageCommands:
 
     @ClientMethod
     def wave(
-        self, command_um: Waveforms, duration_s: float, *, start_s: float | None = None
+        self,
+        command_um: Waveforms,
+        duration_s: float,
+        *,
+        start_s: float | None = None,
+        pulses: Sequence[Document] = (),
+        edges: Document | None = None,
     ) -> Call[Answer]:
         """Follow a waveform, then hold its last position.
 
@@ -94,8 +101,17 @@ class StageCommands:
             duration_s: Duration of the waveform, in s.
             start_s: Instant at which the waveform begins, at most 30 s ahead, in s as
                 `time.monotonic()` on the machine of the daemon; None for as soon as possible.
+            pulses: Pulses of lines in step with it, with the fields of `LinePulses`.
+            edges: Edges of a line for which it waits, with the fields of `LineEdges`.
         """
-        return command("wave", command_um=command_um, duration_s=duration_s, start_s=start_s)
+        return command(
+            "wave",
+            command_um=command_um,
+            duration_s=duration_s,
+            start_s=start_s,
+            pulses=tuple(pulses) or None,
+            edges=edges,
+        )
 
     @ClientMethod
     def follow(self, *, axis: str | None = None) -> Call[Answer]:

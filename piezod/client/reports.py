@@ -71,16 +71,28 @@ class StageReports:
 
     @ClientMethod
     def start_recording(
-        self, label: str | None = None, *, start_s: float | None = None
+        self,
+        label: str | None = None,
+        *,
+        start_s: float | None = None,
+        line: str | None = None,
+        before_s: float = 0.0,
+        duration_s: float | None = None,
     ) -> Call[Recording]:
-        """Start recording every cycle.
+        """Start recording every cycle, at once or at the rising edge of a line.
 
         Args:
             label: Becomes part of the name, which the daemon makes.
             start_s: Instant of the first cycle that is recorded, and of time 0 in the file, as in
                 `wave`; None for the next cycle.
+            line: Line of the stage whose rising edge starts it, and is time 0; None for none.
+            before_s: Time before the edge that is recorded, too, in s, at most 10.
+            duration_s: Time from the edge to the end, in s; None for the falling edge.
         """
-        return ask("start_recording", label=label or None, start_s=start_s)
+        edge = None
+        if line is not None:
+            edge = {"line": line, "before_s": before_s, "duration_s": duration_s}
+        return ask("start_recording", label=label or None, start_s=start_s, edge=edge)
 
     stop_recording = PlainMethod(Recording, "End the recording and close its file.")
 

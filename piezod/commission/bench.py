@@ -109,8 +109,9 @@ def one_axis(
     pairs = {axis: pairs_of(config.axes)[axis]}
     # Devices of other axes stay closed; a dict, because one device may serve both roles.
     names = dict.fromkeys((one.sensor.device, one.amplifier.device))
-    devices = construct({name: config.devices[name] for name in names}, pairs, config.seed)
-    channels, range_v = Channels(devices, pairs), (one.limits.drive_min_v, one.limits.drive_max_v)
+    used = {name: config.devices[name] for name in names}
+    channels = Channels(construct(used, pairs, config.seed, config.lines), pairs, config.lines)
+    range_v = (one.limits.drive_min_v, one.limits.drive_max_v)
     limits = Limits(*range_v, one.limits.slew_v_per_s)
     with owned(channels, clock.now_ns, lambda opened: opened.beyond_reach([range_v]), notes.leave):
         # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.

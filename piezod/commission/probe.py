@@ -4,7 +4,7 @@ Each device is opened twice. With all its channels it reports its identity and t
 its outputs are not controlled. With its inputs alone it is activated and read.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -76,7 +76,7 @@ def probe(
         RegistryError: If a driver cannot be loaded.
     """
     return {
-        name: _probed(config, name, wiring_of(name, axes), Timing(clock, exchanges))
+        name: _probed(config, name, wiring_of(name, axes, config.lines), Timing(clock, exchanges))
         for name in config.devices
     }
 
@@ -119,7 +119,8 @@ def _probed(config: "DaemonConfig", name: str, wiring: Wiring, timing: Timing) -
         with _open(create(device.options, wiring, config.seed)) as (whole, identity):
             found = found._replace(identity=identity, capabilities=whole.capabilities())
             if isinstance(whole, Amplifier) and wiring.outputs:
-                found = _look_at_outputs(found, whole, timing)
+                lines = {each.output for each in config.lines.values() if each.device == name}
+                found = _look_at_outputs(found, whole, timing, lines)
             why = _last_fault(whole)
         if wiring.inputs:
             # Without outputs, activation cannot drive anything.
@@ -152,14 +153,18 @@ def _open(device: Device) -> "Iterator[tuple[Device, Identity]]":
         device.close()
 
 
-def _look_at_outputs(found: Probed, device: Amplifier, timing: Timing) -> Probed:
+def _look_at_outputs(
+    found: Probed, device: Amplifier, timing: Timing, lines: Container[str | None]
+) -> Probed:
     able = device.capabilities()
     if not able.read_back:
         return found
     in_force = dict(zip(able.outputs, device.read_back(timing.clock.now_ns()), strict=True))
 
     def exchange(now_ns: int) -> bool:
-        return all(value - value == 0.0 for value in device.read_back(now_ns))  # False for NaN
+        values = zip(able.outputs, device.read_back(now_ns), strict=True)
+        # Lines need no read-back. False for NaN.
+        return all(value - value == 0.0 for name, value in values if name not in lines)
 
     return found._replace(in_force=in_force, read_back=_round_trip(exchange, timing))
 

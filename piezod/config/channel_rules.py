@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 from piezod.config.channels import InputConfig, OutputConfig, SensorConfig
 from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule, Drivers
+from piezod.config.lines import LineConfig, broken_lines
 from piezod.config.messages import show, suggest
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ def broken_devices(
     devices: Mapping[str, "DeviceConfig"],
     axes: Mapping[str, "AxisConfig"],
     drivers: Drivers | None,
+    lines: Mapping[str, LineConfig] | None = None,
 ) -> Iterator[BrokenRule]:
     """Yield the errors of devices and channels that do not exist or cannot be used as configured.
 
@@ -27,8 +29,9 @@ def broken_devices(
         devices: The devices by name.
         axes: The axes by name.
         drivers: Drivers, which list the channels of their devices; None if they are not available.
+        lines: The lines of the loop by name.
     """
-    known = list(devices)
+    known, lines = list(devices), lines or {}
     for name, axis in axes.items():
         for role, channel in axis.channels():
             path = ("axes", name, role)
@@ -38,9 +41,15 @@ def broken_devices(
                 yield (*path, "device"), what
             elif drivers is not None:
                 yield from _broken_channel(path, name, channel, devices[channel.device], drivers)
+    driven = {
+        (axis.amplifier.device, axis.amplifier.channel or name): f"axis {name}"
+        for name, axis in axes.items()
+    }
+    yield from broken_lines(lines, devices, driven, drivers)
     yield from _driven_twice(axes)
     yield from _same_port(devices)
     used = {channel.device for axis in axes.values() for _, channel in axis.channels()}
+    used |= {line.device for line in lines.values()}
     for name in known:
         if name not in used:
             yield ("devices", name), "no axis uses this device, leave it out or name it in an axis"

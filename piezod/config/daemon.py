@@ -19,6 +19,7 @@ from piezod.config.fields import (
     context_of,
     raise_rules,
 )
+from piezod.config.lines import MOST_LINES, LineConfig
 from piezod.config.modes import SENSED, Mode
 from piezod.config.quantities import DriveV, ModeName, Name, OneLine, Seed
 from piezod.config.transform import TransformConfig, UserAxisConfig
@@ -151,6 +152,11 @@ class DaemonConfig(ConfigModel):
     axes: dict[Name, StageAxisConfig] = Field(
         min_length=1, max_length=16, description="Name: axis."
     )
+    lines: dict[Name, LineConfig] = Field(
+        default_factory=dict,
+        max_length=MOST_LINES,
+        description="Name: digital input that the loop reads, or digital output that it sets.",
+    )
     transform: TransformConfig | None = Field(
         default=None, description="User axes that several axes make; default: none."
     )
@@ -172,7 +178,7 @@ class DaemonConfig(ConfigModel):
 
     @model_validator(mode="after")
     def _check_rules(self, info: ValidationInfo) -> Self:
-        broken = broken_devices(self.devices, self.axes, context_of(info).drivers)
+        broken = broken_devices(self.devices, self.axes, context_of(info).drivers, self.lines)
         coordinates = () if self.transform is None else self.transform.broken(self.axes)
         raise_rules(chain(self._broken_mode(), broken, coordinates))
         return self

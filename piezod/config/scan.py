@@ -33,7 +33,8 @@ MODE_PERIODS: Final = 2.0
 is that of a smooth pulse, which hardly excites anything."""
 
 Count: TypeAlias = Annotated[int, Quantity(1, MOST_PIXELS)]
-PulseLine: TypeAlias = Annotated[int, Quantity(1, 8)]
+DeviceLine: TypeAlias = Annotated[int, Quantity(1, 8)]
+PulseLine: TypeAlias = DeviceLine | Name
 
 
 class SpanConfig(ConfigModel):
@@ -55,7 +56,7 @@ class SpanConfig(ConfigModel):
 class PositionsConfig(ConfigModel):
     """Positions at which a line pulses, each time that a sweep passes one."""
 
-    line: PulseLine = Field(description="Line that pulses.")
+    line: DeviceLine = Field(description="Line that pulses.")
     positions_um: Annotated[tuple[PositionUm, ...], Field(max_length=MOST_PIXELS)] = Field(
         default=(), description="The positions, µm; or `step_um`."
     )
@@ -95,7 +96,10 @@ class PositionsConfig(ConfigModel):
 
 
 class PulsesConfig(ConfigModel):
-    """Pulses that the device puts out in step with the motion, each on a line of its own."""
+    """Pulses in step with the motion, each on a line of its own.
+
+    A line is the number of one of the device that plays the scan, or the name of one of the loop.
+    """
 
     pixel: PulseLine | None = Field(
         default=None, description="Line that pulses at the lower edge of each pixel, or plane."
@@ -111,20 +115,25 @@ class PulsesConfig(ConfigModel):
     )
 
     @property
-    def lines(self) -> dict[str, int]:
-        """The line of each kind of pulses that is wanted."""
+    def given(self) -> dict[str, int | str]:
+        """The lines that are given, by their key."""
         at = None if self.at is None else self.at.line
-        all_lines = {"pixel": self.pixel, "line": self.line, "frame": self.frame, "at": at}
-        return {name: number for name, number in all_lines.items() if number is not None}
+        kinds = {"pixel": self.pixel, "line": self.line, "frame": self.frame, "at": at}
+        return {key: line for key, line in kinds.items() if line is not None}
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """The lines of a device that plays, by their key."""
+        return {key: line for key, line in self.given.items() if isinstance(line, int)}
 
     @property
     def highest(self) -> int:
-        """Highest number of a line; 0 without pulses."""
-        return max(self.lines.values(), default=0)
+        """Highest number of a line; 0 without one."""
+        return max(self.numbers.values(), default=0)
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
-        used: dict[int, str] = {}
-        for name, number in self.lines.items():
+        used: dict[int | str, str] = {}
+        for name, number in self.given.items():
             if number in used:
                 yield (name,), f"line {number} is that of {used[number]}: each needs its own"
             used[number] = name
@@ -151,21 +160,36 @@ class _Scan(ConfigModel):
     )
     start: Literal["at once", "edge"] = Field(
         default="at once",
-        description="edge: the stored frame starts at a rising edge of the device's trigger input.",
+        description="edge: the stored frame starts at a rising edge of the device's trigger input, "
+        "or of a line of the loop.",
     )
     within_s: Annotated[float, Quantity(0.01, 3600, "s")] = Field(
         default=10.0, description="Longest wait for an edge, s; the scan ends there without one."
     )
 
+    edge: Name | None = Field(
+        default=None, description="Line of the loop with these edges, in a scan with `mode`."
+    )
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for edges."""
+        return self.start == "edge"
+
     def _broken_rules(self) -> Iterator[BrokenRule]:
-        if self.mode is not None and self.pulses.highest:
-            yield (
-                ("pulses",),
-                f"the loop has no lines of pulses (got mode {self.mode}): leave out `mode` if a "
-                "device plays the scan, or `pulses`",
-            )
-        if self.mode is not None and self.start == "edge":
-            yield ("start",), f"the loop has no trigger input (got mode {self.mode}): leave it out"
+        by_loop = self.mode is not None
+        if by_loop and self.pulses.at is not None:
+            yield ("pulses", "at"), "belongs to a scan that a device plays: leave out `mode`"
+        for key, line in self.pulses.given.items():
+            if isinstance(line, str) is not by_loop:
+                what = "the name of an output in `lines:` of the stage" if by_loop else "a number"
+                by = "the loop scans in mode" if by_loop else "a device plays a scan without `mode`"
+                yield ("pulses", key), f"must be {what} (got {line}): {by}"
+        if (self.edge is not None) is not (by_loop and self.waits):
+            what = "nothing of the loop waits: leave it out"
+            if self.edge is None:
+                what = "name the line of the loop whose edges the scan waits for"
+            yield ("edge",), what
 
     @property
     def interval_ns(self) -> int:
@@ -308,10 +332,16 @@ class StackScan(_Scan):
     )
     step: Literal["time", "edge"] = Field(
         default="time",
-        description="edge: each rising edge of the device's trigger input ends a plane, and the "
-        "stage goes to the next one; plane_s and move_s are the shortest times.",
+        description="edge: each rising edge of the device's trigger input, or of a line of the "
+        "loop, ends a plane, and the stage goes to the next one; plane_s and move_s are the "
+        "shortest times.",
     )
     span_keys = ("planes",)
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for edges."""
+        return "edge" in {self.start, self.step}
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from super()._broken_rules()
@@ -320,9 +350,6 @@ class StackScan(_Scan):
         if self.step == self.start == "edge":
             yield ("start",), "leave it out: with `step: edge` the first plane waits for an edge"
         if self.mode is not None:
-            if self.step == "edge":
-                what = f"the loop has no trigger input (got mode {self.mode}): leave it out"
-                yield ("step",), what
             return
         least_s = 2e-6 * self.interval_us
         for key in ("plane_s", "move_s"):

@@ -15,6 +15,7 @@ from piezod.control.law.model import StageModel, unidentified_form, with_found_m
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
+from piezod.control.stage.lines import StageLines
 from piezod.control.stage.motion_limits import allowed_range_um, range_beyond_reach
 from piezod.control.stage.parts import StageParts, WatchedAxis
 from piezod.control.stage.playing import PlayRunner
@@ -28,6 +29,7 @@ from piezod.control.watch.bus import BusWatch
 from piezod.control.watch.loop import LoopWatch
 from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Capabilities
+from piezod.devices.line_levels import LineLevels
 from piezod.devices.wiring import pairs_of
 from piezod.errors import ModelError
 from piezod.hysteresis import AffineRange
@@ -66,9 +68,10 @@ def assemble(
     capabilities: Capabilities,
     on_output_lost: Callable[[], None] | None = None,
     plays: PlayRunner | None = None,
+    levels: LineLevels | None = None,
 ) -> StageController:
     """Return the controller of a stage; arguments and errors are those of `make_stage`."""
-    stage = make_stage(config, devices, capabilities, on_output_lost, plays)
+    stage = make_stage(config, devices, capabilities, on_output_lost, plays, levels)
     return StageController(stage, LoopWatch(stage.period_ns, strict=config.loop.strict_rt))
 
 
@@ -78,6 +81,7 @@ def make_stage(
     capabilities: Capabilities,
     on_output_lost: Callable[[], None] | None = None,
     plays: PlayRunner | None = None,
+    levels: LineLevels | None = None,
 ) -> Stage:
     """Build a stage; its devices are open and active.
 
@@ -88,25 +92,24 @@ def make_stage(
         on_output_lost: Called when the voltage in force can no longer be derived from the last
             write.
         plays: Runs the plays of the devices; None if no device can play.
+        levels: Levels of the lines of the configuration; None for a stage without lines.
 
     Raises:
         ConfigError: If a model file cannot be used.
         DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain is not safe.
     """
-    period_ns = round(NS_PER_S / config.rate_hz)
+    period_ns, lag_ns = round(NS_PER_S / config.rate_hz), capabilities.lag_ns
 
     def rebuild(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
         axis = config.axes[name]
         if misfit := next(axis.misfits(model.span), ""):
             raise ModelError(f"axis {name}: the model {misfit}")
         zeroed = _zeroed(name, axis, from_model_file(model))
-        return _build_axis(config, name, zeroed, in_force_v, capabilities.lag_ns)
+        return _build_axis(config, name, zeroed, in_force_v, lag_ns)
 
     axes = {
-        name: _build_axis(
-            config, name, _model_of(name, axis), axis.limits.rest_v, capabilities.lag_ns
-        )
+        name: _build_axis(config, name, _model_of(name, axis), axis.limits.rest_v, lag_ns)
         for name, axis in config.axes.items()
     }
     boundary = DeviceBoundary(
@@ -116,12 +119,13 @@ def make_stage(
         holds=capabilities.holds,
         reports_restart=capabilities.tells_restart,
         watchdog=devices.watchdogs(),
-        lag_cycles=-(-capabilities.lag_ns // period_ns),
+        lag_cycles=-(-lag_ns // period_ns),
         amplifiers=[pair.amplifier for pair in pairs_of(config.axes).values()],
     )
+    lines = StageLines(config.lines, levels, period_ns) if levels and config.lines else None
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     stage = Stage(
-        StageParts(axes, boundary, period_ns, rebuild, plays, _user_axes(config, period_ns)),
+        StageParts(axes, boundary, period_ns, rebuild, plays, lines, _user_axes(config, period_ns)),
         register,
         # No stage is relaxed by itself inside its range.
         memory_known=capabilities.opens_relaxed

@@ -17,8 +17,10 @@ from piezod.control.faults.detection import Detection
 from piezod.control.guard import Admitted, Guard
 from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.lines import StageLines
 from piezod.control.stage.progress import advance, overloaded_axes, react
 from piezod.control.stage.stage import DRIVEN, Stage
+from piezod.control.stage.states import HoldCause
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
@@ -90,6 +92,10 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         read = (readings, samples)
         samples, slew_halved = _watch(stage, loop_watch, t_ns, read, read_back_v, timing)
 
+    lines = None if stage is None else stage.lines()
+    if stage is not None and lines is not None:
+        _follow_lines(stage, lines, t_ns)
+
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
     outputs = [axis.update(t_ns, samples[i]) for i, axis in enumerate(axes)]
     asked_v = [output.drive_v for output in outputs]
@@ -121,7 +127,8 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     written &= not held
     written |= stage.state not in DRIVEN or devices.played  # without a write nothing has failed
     present, latched = stage.register.present, stage.register.latched
-    fields = t_ns, stage.state, devices.shadow, written, present, latched, records
+    high = 0 if lines is None else lines.mask
+    fields = t_ns, stage.state, devices.shadow, written, present, latched, records, high
     return tuple.__new__(CycleRecord, fields)  # a call of the class takes three times as long
 
 
@@ -157,6 +164,13 @@ def _watch(
         return usable, overloaded_axes(stage)
     except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
         return _hold_after_crash(stage, t_ns, read[1], error), ()
+
+
+def _follow_lines(stage: Stage, lines: StageLines, t_ns: int) -> None:
+    """Let lines go on; hold if one is lost that the present motion uses."""
+    if why := lines.advance(t_ns, running=stage.state is _RUN):
+        stage.note(StageEvent(t_ns, "error", "line", why))
+        stage.hold(HoldCause.FAULT, t_ns)
 
 
 def _shown(

@@ -14,13 +14,15 @@ from piezod.devices.interface import (
     Sample,
     Sensor,
 )
+from piezod.devices.line_levels import LineLevels
 from piezod.devices.outputs import ANY_VALUE, CalibratedOutput
 from piezod.devices.roles import AmplifierRole, SensorRole, places, sensor_role, wrong_role
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags, TellsStatus
-from piezod.devices.wiring import ChannelPair, wiring_of
+from piezod.devices.wiring import NO_LINES, ChannelPair, Lines, wiring_of
 from piezod.devices.wrapper import DeviceWrapper
 from piezod.errors import DeviceError
 
+_HALF: Final = 0.5  # between the values of a low and a high line
 _EACH_COMES: Final = Sample(0, nan, False)  # in each cycle, in place of this one
 
 
@@ -30,13 +32,22 @@ class Channels:
     Args:
         devices: Constructed devices by name, each for its `wiring_of`.
         axes: Channels of each axis; their order is that of every sequence.
+        lines: The lines of the loop by name.
 
     Raises:
         DeviceError: If a device cannot play the role that an axis gives it.
     """
 
-    def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
-        self._pairs, self._axes = axes, tuple(axes)
+    def __init__(
+        self,
+        devices: Mapping[str, Device],
+        axes: Mapping[str, ChannelPair],
+        lines: Lines = NO_LINES,
+    ) -> None:
+        self._pairs, self._axes, self._lines = axes, tuple(axes), lines
+        self.levels = levels = LineLevels([False] * len(lines), [False] * len(lines))
+        """Levels of the lines: `read` fills in the inputs, `write` sets the outputs."""
+        self._line_high, self._line_unknown = levels.high, levels.unknown
         self._outputs = [CalibratedOutput(pair.to_v) for pair in axes.values()]
         self._commands = [Sample(0, nan, False)] * len(axes)
         self.identities: dict[str, Identity] = {}
@@ -64,9 +75,13 @@ class Channels:
         self._sensors: list[SensorRole] = []
         self._amplifiers: list[AmplifierRole] = []
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
-        self._status_sources: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
+        self._status_sources: list[
+            tuple[TellsStatus, list[tuple[int, int]], list[tuple[int, int]]]
+        ] = []
         for name, device in devices.items():
             self._assign_roles(name, device)
+        # A device of lines alone must not delay the write of a voltage.
+        self._amplifiers.sort(key=lambda role: not role.axes)
         self._find_ages()
         measured = sum(len(of.plain) + len(of.calibrated) for of in self._sensors)
         self._all_measured = measured == len(self._axes)
@@ -77,25 +92,36 @@ class Channels:
     def _assign_roles(self, name: str, device: Device) -> None:
         """Find the roles of a device: which of its channels serve which axes."""
         axes = self._pairs
-        wiring = wiring_of(name, axes)
+        wiring = wiring_of(name, axes, self._lines)
+        lines = [(i, line) for i, line in enumerate(self._lines.values()) if line.device == name]
         measured, driven = places(name, wiring, axes)
         if wiring.inputs:
             if not isinstance(device, Sensor):
                 raise wrong_role(name, "sensor")
-            self._sensors.append(sensor_role(name, device, wiring, axes))
+            role = sensor_role(name, device, wiring, axes)
+            role.lines.extend(
+                (wiring.inputs.index(line.input), i) for i, line in lines if line.input
+            )
+            self._sensors.append(role)
             if measured and isinstance(device, KnowsTruth):
                 self._truths.append((device, measured))
-        if driven:
+        if wiring.outputs:
             if not isinstance(device, Amplifier):
                 raise wrong_role(name, "amplifier")
             driven_axes = [axis for _, axis in driven]
             outputs = [self._outputs[axis] for axis in driven_axes]
-            self._amplifiers.append(AmplifierRole(device, driven_axes, outputs))
+            set_lines = [i for i, line in lines if line.output]
+            self._amplifiers.append(AmplifierRole(device, driven_axes, outputs, set_lines))
         if isinstance(device, TellsStatus):
             # A status lists inputs, then outputs: of the device's channels, and of our axes.
             after_inputs = len(wiring.inputs)
             outputs_at = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
-            self._status_sources.append((device, measured + outputs_at))
+            lines_at = [
+                (after_inputs + wiring.outputs.index(line.output), i)
+                for i, line in lines
+                if line.output
+            ]
+            self._status_sources.append((device, measured + outputs_at, lines_at))
 
     def open(self) -> Identity:
         """Open every device; if one fails with any error, close all again."""
@@ -114,7 +140,7 @@ class Channels:
     def capabilities(self) -> Capabilities:
         """Return the common capabilities of all devices."""
         each = [device.capabilities() for device in self._devices.values()]
-        driving = [one for one in each if one.outputs]
+        driving = [role.amplifier.capabilities() for role in self._amplifiers if role.axes]
         # `all` for a service that must not be missing on any device; `any` for a property that the
         # caller must take care of even if only one device has it.
         return Capabilities(
@@ -135,7 +161,7 @@ class Channels:
     def reads_back(self) -> list[bool]:
         """Return of each axis whether its amplifier reads back; known when the devices are open."""
         reads_back = [False] * len(self._axes)
-        for amplifier, axes, _ in self._amplifiers:
+        for amplifier, axes, *_ in self._amplifiers:
             for axis in axes:
                 reads_back[axis] = amplifier.capabilities().read_back
         return reads_back
@@ -187,7 +213,7 @@ class Channels:
         """Return one sample of each axis, relative to its zero. Real-time safe."""
         missing = _EACH_COMES if self._all_measured else Sample(now_ns, 0.0, False)
         samples = [missing] * len(self._axes)
-        for sensor, plain, calibrated, commanding in self._sensors:
+        for sensor, plain, calibrated, commanding, lines in self._sensors:
             raw = sensor.read(now_ns)
             for channel, axis in plain:
                 t_ns, position_um, valid = raw[channel]
@@ -199,6 +225,11 @@ class Channels:
             # A command is not measured, so the zero is not subtracted from it.
             for one, axis in commanding:
                 self._commands[axis] = one.sample(raw)
+            for channel, line in lines:
+                _, value, valid = raw[channel]
+                self._line_unknown[line] = not valid
+                if valid:
+                    self._line_high[line] = value > _HALF
         return samples
 
     def forget(self) -> None:
@@ -237,10 +268,10 @@ class Channels:
             now_ns: Instant of the cycle, in ns.
 
         Returns:
-            Whether every device that was written accepted its values.
+            Whether every device that drives an axis, and was written, accepted its values.
         """
         accepted, whole = True, not isnan(sum(drive_v))
-        for amplifier, axes, outputs in self._amplifiers:
+        for amplifier, axes, outputs, lines in self._amplifiers:
             if not whole and any(isnan(drive_v[axis]) for axis in axes):
                 continue
             values = []
@@ -248,16 +279,23 @@ class Channels:
                 value = drive_v[axes[place]]
                 # Most outputs take volts of any size; a call less for each counts in the loop.
                 values.append(value if one.takes_any_voltage else one.value(value))
+            for line in lines:
+                values.append(float(self._line_high[line]))
             # No early return: the axes of the other devices must not miss their setpoints.
-            accepted &= amplifier.write(values, now_ns)
+            taken = amplifier.write(values, now_ns)
+            accepted &= taken or not axes
+            for line in lines:
+                self._line_unknown[line] = not taken
         return accepted
 
     def read_back(self, now_ns: int) -> list[float]:
         """Return the read-back voltage of each axis, in V. Real-time safe."""
         drive_v = [nan] * len(self._axes)
-        for amplifier, axes, outputs in self._amplifiers:
+        for amplifier, axes, outputs, lines in self._amplifiers:
+            if not axes:
+                continue
             values = amplifier.read_back(now_ns)
-            if len(values) != len(axes):
+            if len(values) != len(axes) + len(lines):
                 raise DeviceError(f"{len(values)} voltages were read back, not {len(axes)}")
             for place, one in enumerate(outputs):
                 value = values[place]
@@ -267,7 +305,7 @@ class Channels:
     def watchdogs(self) -> list[bool]:
         """Return of each axis whether its amplifier has a watchdog of its own."""
         found = [False] * len(self._axes)
-        for amplifier, axes, _ in self._amplifiers:
+        for amplifier, axes, *_ in self._amplifiers:
             for axis in axes:
                 found[axis] = amplifier.capabilities().watchdog
         return found
@@ -277,7 +315,7 @@ class Channels:
         if not self._is_aged:
             return self._no_age_ns
         ages_ns = [0] * len(self._axes)
-        for (amplifier, axes, _), lag_ns in zip(self._amplifiers, self._lags_ns, strict=False):
+        for (amplifier, axes, *_), lag_ns in zip(self._amplifiers, self._lags_ns, strict=False):
             age_ns = lag_ns
             if isinstance(amplifier, DeviceWrapper):
                 age_ns = amplifier.read_back_age_ns(now_ns)
@@ -294,10 +332,12 @@ class Channels:
             return self._no_flags
         # A copy, because a cycle without flags returns the shared list.
         flags = self._no_flags.copy()
-        for device, served in self._status_sources:
+        for device, served, lines in self._status_sources:
             reported = device.status(now_ns)
             for channel, place in served:
                 flags[place] = reported[channel]
+            for channel, line in lines:
+                self._line_unknown[line] |= bool(reported[channel])
         for one, axis in self._light_dependent:
             if one.low_light:
                 flags[axis] |= {DeviceFlag.LOW_LIGHT}
@@ -305,9 +345,9 @@ class Channels:
 
     def _ask_outputs(self) -> None:
         # Some devices know range and delay only after opening, because they are set on the device.
-        for amplifier, axes, outputs in self._amplifiers:
+        for amplifier, axes, outputs, _ in self._amplifiers:
             ranges = amplifier.capabilities().ranges or [ANY_VALUE] * len(axes)
-            for output, range_ in zip(outputs, ranges, strict=True):
+            for output, range_ in zip(outputs, ranges[: len(axes)], strict=True):
                 output.set_range(*range_)
         self._lags_ns = [one.amplifier.capabilities().lag_ns for one in self._amplifiers]
         self._find_ages()

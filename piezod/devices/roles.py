@@ -18,6 +18,7 @@ class SensorRole(NamedTuple):
     #: Input and axis of each displacement that must be calibrated.
     calibrated: list[tuple[CalibratedInput, int]]
     commanding: list[tuple[CalibratedInput, int]]  #: Input and axis of each command input.
+    lines: list[tuple[int, int]]  #: Input and line of each digital input.
 
 
 class AmplifierRole(NamedTuple):
@@ -26,6 +27,7 @@ class AmplifierRole(NamedTuple):
     amplifier: Amplifier  #: The device.
     axes: list[int]  #: Axis of each of its outputs.
     outputs: list[CalibratedOutput]  #: Calibrated outputs, in that order.
+    lines: list[int]  #: Line of each of its other outputs, which follow.
 
 
 def places(
@@ -45,7 +47,7 @@ def sensor_role(
     name: str, sensor: Sensor, wiring: Wiring, axes: Mapping[str, ChannelPair]
 ) -> SensorRole:
     """Sort the inputs of a device: an input without calibration costs nothing in the loop."""
-    role = SensorRole(sensor, [], [], [])
+    role = SensorRole(sensor, [], [], [], [])
     for place, (axis, pair) in enumerate(axes.items()):
         if pair.sensor == name:
             one = CalibratedInput(wiring, pair.input or axis, pair.to_um, pair.light)

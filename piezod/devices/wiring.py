@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator, Mapping
 from itertools import chain
-from typing import NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from piezod.config.axes import AxisConfig
 from piezod.config.channels import Calibration, InputConfig, LightConfig, LineCalibration
 from piezod.config.devices import DeviceConfig
+from piezod.config.lines import LineConfig
 from piezod.devices import registry
 from piezod.devices.interface import Device, Wiring
 
@@ -62,16 +63,28 @@ def _pair_of(axis: AxisConfig) -> ChannelPair:
     )
 
 
-def wiring_of(device: str, axes: Mapping[str, ChannelPair]) -> Wiring:
-    """Return the channels of a device that are used by axes, in the order of the axes."""
+Lines: TypeAlias = Mapping[str, LineConfig]
+"""The lines of the loop by name."""
+NO_LINES: Final[Lines] = {}
+
+
+def wiring_of(device: str, axes: Mapping[str, ChannelPair], lines: Lines = NO_LINES) -> Wiring:
+    """Return the channels of a device that axes use, in their order, then those of lines."""
+    own = [line for line in lines.values() if line.device == device]
     inputs = chain.from_iterable(pair.inputs_of(device, axis) for axis, pair in axes.items())
     outputs = (pair.output or axis for axis, pair in axes.items() if pair.amplifier == device)
     # A dict removes duplicates and keeps the order: several axes may use the same light channel.
-    return Wiring(tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))
+    return Wiring(
+        tuple(dict.fromkeys(chain(inputs, (line.input for line in own if line.input)))),
+        tuple(dict.fromkeys(chain(outputs, (line.output for line in own if line.output)))),
+    )
 
 
 def construct(
-    devices: Mapping[str, DeviceConfig], axes: Mapping[str, ChannelPair], seed: int
+    devices: Mapping[str, DeviceConfig],
+    axes: Mapping[str, ChannelPair],
+    seed: int,
+    lines: Lines = NO_LINES,
 ) -> dict[str, Device]:
     """Construct devices, each for its `wiring_of`; nothing is opened.
 
@@ -79,6 +92,8 @@ def construct(
         RegistryError: If a driver cannot be loaded.
     """
     return {
-        name: registry.load(device.driver).create(device.options, wiring_of(name, axes), seed)
+        name: registry.load(device.driver).create(
+            device.options, wiring_of(name, axes, lines), seed
+        )
         for name, device in devices.items()
     }

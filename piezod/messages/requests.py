@@ -45,6 +45,7 @@ AxisName: TypeAlias = Name | None
 ScanV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=40_000)]
 Scale: TypeAlias = Annotated[float, Quantity(0.1, 10)]
 PulseBits: TypeAlias = Annotated[int, Quantity(0, 255)]
+WaveTime: TypeAlias = Annotated[float, Quantity(0, 1e5, "s")]
 TableV: TypeAlias = Annotated[tuple[DriveV, ...], Field(max_length=16_000)]
 
 
@@ -111,16 +112,55 @@ class Path(ConfigModel):
     )
 
 
+class LinePulses(ConfigModel):
+    """Pulses of a line in step with a waveform: trains of equal pulses."""
+
+    line: Name = Field(description="Name of the line, an output.")
+    begins_s: Annotated[tuple[WaveTime, ...], Field(min_length=1, max_length=10_000)] = Field(
+        description="Time of the first pulse of each train since the begin of the waveform, s."
+    )
+    every_s: Annotated[float, Quantity(1e-5, 1e5, "s")] = Field(
+        default=1.0, description="Time from pulse to pulse of a train, s."
+    )
+    times: Annotated[int, Quantity(1, 1_000_000)] = Field(
+        default=1, description="Pulses of a train."
+    )
+    high_s: Annotated[float, Quantity(1e-5, 1e5, "s")] = Field(
+        description="Time for which a pulse is high, s."
+    )
+
+
+class LineEdges(ConfigModel):
+    """Times of a waveform at which it stands still until a rising edge of a line."""
+
+    line: Name = Field(description="Name of the line.")
+    first_s: WaveTime = Field(description="Time of the first one since its begin, s.")
+    every_s: Annotated[float, Quantity(1e-5, 1e5, "s")] = Field(
+        default=1.0, description="Time from there to each further one, s."
+    )
+    times: Annotated[int, Quantity(1, 20_000)] = Field(default=1, description="Their number.")
+    within_s: Annotated[float, Quantity(0.01, 3600, "s")] = Field(
+        description="Longest wait, s; the movement ends there without an edge."
+    )
+
+
 class Wave(ConfigModel):
     """Follow a waveform, then hold its last position.
 
-    The stage first moves from its present position to the start of the waveform.
+    The stage first moves from its present position to the start of the waveform. Lines of the stage
+    may pulse in step with it, and it may wait for edges of a line.
     """
 
     kind: Literal["wave"] = "wave"
     command_um: Waveforms = Field(description="Axis: position over time, µm.")
     duration_s: DurationS
     start_s: StartS = None
+    pulses: Annotated[tuple[LinePulses, ...], Field(max_length=8)] | None = Field(
+        default=None, description="Pulses of lines in step with it; default: none."
+    )
+    edges: LineEdges | None = Field(
+        default=None, description="Edges for which it waits; default: none."
+    )
 
 
 class Stream(ConfigModel):

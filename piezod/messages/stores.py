@@ -86,6 +86,7 @@ class Recording(Message):
     why: str = ""  #: Why it ended by itself; empty if it did not.
     disk_full: bool = False  #: Whether it ended by itself because the disk was full.
     files: int = 1  #: Number of its files; the names of all but the first one end in their number.
+    armed: bool = False  #: Whether it waits for its edge, and has no file yet.
 
 
 @dataclass(frozen=True)

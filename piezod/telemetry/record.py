@@ -48,6 +48,8 @@ class CycleRecord(NamedTuple):
     present: int  #: Bit mask of the present faults; the bit is the index in `config.faults.Fault`.
     latched: int  #: Bit mask of the latched faults.
     axes: Sequence[AxisRecord]  #: Records of the axes, in order.
+    #: Bit mask of the lines that are high; the bit is the index in the configuration.
+    lines: int = 0
 
 
 class CycleHeader(NamedTuple):
@@ -64,6 +66,8 @@ class CycleHeader(NamedTuple):
     present_hi: int  #: Bit mask of the present faults, the others.
     latched_lo: int  #: Bit mask of the latched faults, the first 64 of them.
     latched_hi: int  #: Bit mask of the latched faults, the others.
+    #: Bit mask of the lines that are high: inputs as read, outputs as set in this cycle.
+    lines: int
     state: State  #: State of the stage.
     shadow: bool  #: Whether everything is computed and nothing written.
     written: bool  #: Whether the amplifiers took the voltages; True if there was nothing to write.

@@ -16,6 +16,8 @@ from piezod.config.waveforms.combined import pack_waveforms, unpack_waveforms
 from piezod.messages.requests import (
     Goto,
     Identify,
+    LineEdges,
+    LinePulses,
     Play,
     Request,
     Scan,
@@ -32,7 +34,7 @@ _CLASSES: Final = {
 _WAVEFORMS: Final = {"wave": "command_um", "identify": "drive_v"}
 """Requests with waveforms, and the field of the waveforms."""
 _PLAY, _TABLES = "play", ("lead_in_v", "drive_v")
-_SCAN = "scan"
+_WAVE, _SCAN = "wave", "scan"
 """Its curves are of single precision, 10 µV at 100 V: twice as many fit into the mailbox."""
 
 
@@ -71,6 +73,11 @@ def decode(payload: bytes) -> Request:
         kind = fields["kind"]
         if name := _WAVEFORMS.get(kind):
             fields[name] = unpack_waveforms(fields[name])
+        if kind == _WAVE:
+            if pulses := fields["pulses"]:
+                fields["pulses"] = tuple(LinePulses.model_construct(**each) for each in pulses)
+            if edges := fields["edges"]:
+                fields["edges"] = LineEdges.model_construct(**edges)
         if kind == _PLAY:
             fields |= {table: _doubles(fields[table]) for table in _TABLES}
         if kind == _SCAN:

@@ -72,6 +72,11 @@ def call_of(use: Use) -> Call[Any]:
         (lambda stage: stage.restore_params(3), "params/restore", {"sequence": 3}),
         (lambda stage: stage.start_recording(), "recordings/start", {}),
         (lambda stage: stage.start_recording("creep"), "recordings/start", {"label": "creep"}),
+        (
+            lambda stage: stage.start_recording(line="exposed", before_s=2.0),
+            "recordings/start",
+            {"edge": {"line": "exposed", "before_s": 2.0, "duration_s": None}},
+        ),
         (lambda stage: stage.stop_recording(), "recordings/stop", {}),
         (lambda stage: stage.keep_recording("a"), "recordings/keep", {"name": "a", "kept": True}),
         (lambda stage: stage.renew_lease(), "lease", {}),

@@ -57,9 +57,15 @@ def test_a_scan_has_defaults(tmp_path: Path) -> None:
         (
             "lines_per_s: 10",
             "lines_per_s: 1\n  mode: trimmed\n  pulses: {pixel: 1}",
-            ("no lines of pulses", "leave out `mode`"),
+            ("the name of an output in `lines:`", "the loop scans"),
         ),
-        ("lines_per_s: 10", "lines_per_s: 1\n  mode: trimmed\n  start: edge", ("trigger input",)),
+        (
+            "lines_per_s: 10",
+            "lines_per_s: 10\n  pulses: {pixel: shutter}",
+            ("must be a number", "without `mode`"),
+        ),
+        ("lines_per_s: 10", "lines_per_s: 1\n  mode: trimmed\n  start: edge", ("name the line",)),
+        ("lines_per_s: 10", "lines_per_s: 10\n  edge: exposed", ("leave it out",)),
         ("lines_per_s: 10", "lines_per_s: 500", ("a pixel lasts 25 µs", "50 µs", "250 lines/s")),
         (
             "lines_per_s: 10",
@@ -107,6 +113,11 @@ def test_a_scan_has_defaults(tmp_path: Path) -> None:
             "10\n",
             "10\n  pulses: {at: {line: 1, step_um: 1, by: device}}\n",
             ("compares one way",),
+        ),
+        (
+            "10\n",
+            "10\n  mode: adaptive\n  pulses: {at: {line: 1, step_um: 1}}\n",
+            ("pulses.at", "that a device plays"),
         ),
         (
             "10\n",

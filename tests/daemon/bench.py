@@ -105,7 +105,7 @@ def write_record(
     """Write a record of a stage with one axis; numbers that are not given are NaN."""
     shared.words[Word.LOOP_STATE] = list(State).index(state)
     cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64]
-    cycle += [latched & (2**64 - 1), latched >> 64]
+    cycle += [latched & (2**64 - 1), latched >> 64, 0]
     numbers = [name for name, kind in get_type_hints(AxisRecord).items() if kind is float]
     record = AxisRecord(
         sample_ns=1,

@@ -23,6 +23,8 @@ class FakeRing:
         self.surfaces: set[str] = set()
         self.models: dict[str, str] = {}
         self.events: list[StageEvent] = []
+        self.high = range(0)
+        """Cycles in which its line is high."""
 
     @property
     def stage(self) -> RecordedStage:
@@ -33,7 +35,14 @@ class FakeRing:
             record_dtype,
             self.learned,
             lambda: self.models,
+            self.last,
         )
+
+    def records(self, begin: int, end: int) -> NDArray[Any]:
+        """Return records, with the levels of the only line."""
+        found = records(begin, end)
+        found["lines"] = [number in self.high for number in range(begin, end)]
+        return found
 
     def learned(self) -> Mapping[str, LearnedAxis]:
         """Return the parameters of the axes."""
@@ -53,7 +62,7 @@ class FakeRing:
 
     def last(self, count: int) -> NDArray[Any]:
         """Return the newest records, at most `count`."""
-        return records(max(0, self.newest - min(count, self._capacity)), self.newest)
+        return self.records(max(0, self.newest - min(count, self._capacity)), self.newest)
 
     def oldest(self) -> int:
         """Return the number of the oldest record that is left."""
@@ -71,7 +80,7 @@ class FakeReader:
         end = min(begin + limit, self._ring.newest)
         lost = begin - self.position
         self.position = end
-        return records(begin, end), lost
+        return self._ring.records(begin, end), lost
 
 
 class FakeEvents:

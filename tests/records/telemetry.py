@@ -29,7 +29,8 @@ AXIS: Final = np.dtype(
 
 def record_dtype(axes: int = 1) -> np.dtype[np.void]:
     """Return a dtype like that of the telemetry, with fewer fields."""
-    cycle = [("seq", "<i8"), ("t_ns", "<i8"), ("late_ns", "<i8"), ("state", "u1"), ("_gap", "V7")]
+    cycle = [("seq", "<i8"), ("t_ns", "<i8"), ("late_ns", "<i8"), ("lines", "<i8")]
+    cycle += [("state", "u1"), ("_gap", "V7")]
     return np.dtype([*cycle, ("axes", AXIS, (axes,)), ("end_seq", "<i8")])
 
 

@@ -13,11 +13,11 @@ from piezod_drivers.modbus.codec import (
     read,
     write_one,
 )
-from piezod_drivers.modbus.register import Register, Table, packer, unpacker
+from piezod_drivers.modbus.register import BITS, Register, Table, packer, unpacker
 
 FORMS: Final = 3
 """Number of lengths in which a block is read in turn, if the device has the registers."""
-MAX_COILS: Final = 64
+MAX_BITS: Final = 64
 
 Extent: TypeAlias = tuple[int, int]
 """First address, and the address behind the last."""
@@ -46,10 +46,10 @@ class ReadBlock:
         table: Table = wanted[0][1].table
         start, end = _span(register for _, register in wanted)
         self.unit, self.start, self.count = unit, start, end - start
-        most = min(extent[1] - start, MAX_COILS if table == "coil" else MAX_READ)
+        most = min(extent[1] - start, MAX_BITS if table in BITS else MAX_READ)
         # The longer forms also read registers behind the wanted ones, so these must exist.
         longer = range(self.count, min(most, self.count + FORMS - 1) + 1)
-        counts = longer if table != "coil" else (self.count,)
+        counts = longer if table not in BITS else (self.count,)
         self.counts = tuple(counts)
         self.requests = [read(table, start, count) for count in counts]
         self._decoded = [Decoded(position, _decoder(reg, start)) for position, reg in wanted]
@@ -135,7 +135,7 @@ def read_blocks(
             (low, high) for low, high in extents[register.table] if low <= register.address < high
         )
         group = groups.setdefault((register.table, extent), [])
-        most = MAX_COILS if register.table == "coil" else MAX_READ
+        most = MAX_BITS if register.table in BITS else MAX_READ
         if group and register.address + register.size - group[0][1].address > most:
             blocks.append(ReadBlock(unit, group, extent))
             group = groups[register.table, extent] = []
@@ -181,8 +181,8 @@ def _joined(spans: Sequence[Extent]) -> list[Extent]:
 
 
 def _decoder(register: Register, start: int) -> Callable[[bytes], float]:
-    if register.table == "coil":
-        # The first coil is the lowest bit of the first data byte.
+    if register.table in BITS:
+        # The first one is the lowest bit of the first data byte.
         byte, bit = divmod(register.address - start, 8)
         return lambda pdu: float(pdu[2 + byte] >> bit & 1)
     # Behind the function code and the byte count.

@@ -3,7 +3,7 @@
 from struct import Struct
 from typing import Final, NamedTuple
 
-from pymodbus.pdu.bit_message import ReadCoilsRequest
+from pymodbus.pdu.bit_message import ReadCoilsRequest, ReadDiscreteInputsRequest
 from pymodbus.pdu.pdu import ModbusPDU
 from pymodbus.pdu.register_message import (
     ReadHoldingRegistersRequest,
@@ -14,7 +14,7 @@ from pymodbus.pdu.register_message import (
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.register import Table
+from piezod_drivers.modbus.register import BITS, Table
 
 FEEDBACK: Final = 0x4C
 """LabJack's function for several reads and writes in one request."""
@@ -29,6 +29,7 @@ _READS: Final[dict[Table, type[ModbusPDU]]] = {
     "holding": ReadHoldingRegistersRequest,
     "input": ReadInputRegistersRequest,
     "coil": ReadCoilsRequest,
+    "discrete": ReadDiscreteInputsRequest,
 }
 _WRITE_ONE: Final = Struct(">BH2s")
 
@@ -56,13 +57,13 @@ class ModbusRequest(NamedTuple):
 
 
 def read(table: Table, address: int, count: int) -> ModbusRequest:
-    """Return the request that reads registers or coils.
+    """Return the request that reads registers or bits.
 
     Raises:
         ValueError: If the addresses or their number are impossible.
     """
     asking = _READS[table](address=address, count=count)
-    n_data = (count + 7) // 8 if table == "coil" else 2 * count
+    n_data = (count + 7) // 8 if table in BITS else 2 * count
     function = bytes((asking.function_code,))
     return ModbusRequest(function + asking.encode(), function + bytes((n_data,)), 2 + n_data)
 
@@ -70,6 +71,12 @@ def read(table: Table, address: int, count: int) -> ModbusRequest:
 def write_one(address: int, word: bytes) -> ModbusRequest:
     """Return the request that sets one register; the reply repeats it. Real-time safe."""
     pdu = _WRITE_ONE.pack(6, address, word)
+    return ModbusRequest(pdu, pdu, 5)
+
+
+def set_coil(address: int, *, on: bool) -> ModbusRequest:
+    """Return the request that sets one coil; the reply repeats it. Real-time safe."""
+    pdu = _WRITE_ONE.pack(5, address, b"\xff\0" if on else b"\0\0")
     return ModbusRequest(pdu, pdu, 5)
 
 

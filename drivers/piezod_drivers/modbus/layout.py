@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from piezod.devices.interface import Capabilities, Wiring
 from piezod_drivers.modbus.blocks import ReadBlock, WriteBlock, read_blocks, write_blocks
-from piezod_drivers.modbus.codec import WriteAndRead
+from piezod_drivers.modbus.codec import WriteAndRead, set_coil
 from piezod_drivers.modbus.options import ModbusOptions, UnitOptions
 from piezod_drivers.modbus.profiles import PROFILES
 from piezod_drivers.modbus.profiles.profile import ModbusProfile, WatchdogPlan
@@ -14,6 +14,14 @@ from piezod_drivers.modbus.register import Register, Role
 
 FASTEST_TCP_HZ: Final = 1000.0
 _RTU_BYTES: Final = 3  # around a request or a reply: unit and checksum
+
+
+class Coil(NamedTuple):
+    """An output of one bit."""
+
+    unit: int  #: Address of the device.
+    position: int  #: Index of the output.
+    address: int  #: Address of the coil.
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +32,7 @@ class RegisterLayout:
     read_backs: list[ReadBlock]  #: Blocks of the outputs' read-back.
     statuses: list[ReadBlock]  #: Blocks of the status.
     writes: list[WriteBlock]  #: Blocks of the outputs.
+    coils: list[Coil]  #: Outputs of one bit.
     #: For each value of `statuses`: its register and the channels that it concerns; inputs are
     #: counted first.
     status: list[tuple[Register, list[int]]]
@@ -73,9 +82,10 @@ def make_layout(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
     """Return the blocks for the channels in use.
 
     The highest rate on a serial line is computed for a cycle that reads every input, sets every
-    output and reads it back.
+    output, coils included, and reads it back.
     """
     reads, read_backs, statuses, writes = [], [], [], []
+    coils: list[Coil] = []
     status: list[tuple[Register, list[int]]] = []
     n_outputs = len(wiring.outputs)
     ranges = [(0.0, 0.0)] * n_outputs
@@ -96,7 +106,9 @@ def make_layout(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
         reads += read_blocks(unit.unit, inputs, readable)
         read_backs += read_blocks(unit.unit, back, readable)
         statuses += read_blocks(unit.unit, own, readable)
-        writes += write_blocks(unit.unit, outputs, write_functions_of(unit, options))
+        words = [each for each in outputs if not each[1].sets_coil]
+        writes += write_blocks(unit.unit, words, write_functions_of(unit, options))
+        coils += [Coil(unit.unit, i, each.address) for i, each in outputs if each.sets_coil]
         read_back_positions |= {position for position, _ in back}
         quality |= any(register.range is not None for _, register in inputs)
         for position, register in outputs:
@@ -107,14 +119,17 @@ def make_layout(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
         read_backs,
         statuses,
         writes,
+        coils,
         status,
         ranges,
         combined,
         Capabilities(
             wiring.inputs,
             wiring.outputs,
-            read_back=len(read_back_positions) == n_outputs > 0,
-            max_rate_hz=_fastest_hz(options, n_outputs, (*reads, *read_backs), writes, combined),
+            read_back=len(read_back_positions) == n_outputs - len(coils) > 0,
+            max_rate_hz=_fastest_hz(
+                options, n_outputs, (*reads, *read_backs), writes, combined, coils
+            ),
             holds=True,
             watchdog=bool(armed_watchdogs(options, wiring)),
             quality=quality,
@@ -166,6 +181,7 @@ def _fastest_hz(
     reads: Sequence[ReadBlock],
     writes: Sequence[WriteBlock],
     combined: Sequence[WriteAndRead],
+    coils: Sequence[Coil],
 ) -> float:
     profiles = [profile_of(unit) for unit in options.every_unit]
     limits = [profile.max_rate_hz for profile in profiles if profile is not None]
@@ -179,6 +195,7 @@ def _fastest_hz(
     else:
         values = [0.0] * n_outputs
         requests += [request for write in writes for request in write.requests(values)[0]]
+    requests += [set_coil(coil.address, on=False) for coil in coils]
     n_bytes = sum(len(each.pdu) + each.n_bytes + 2 * _RTU_BYTES for each in requests)
     # Bytes of requests and replies; each request is preceded by a silence of the line.
     wire_s = n_bytes * options.character_s + len(requests) * options.silence_s

@@ -12,11 +12,13 @@ from piezod.devices.status import DeviceFlag
 
 NumberType: TypeAlias = Literal["int16", "uint16", "int32", "uint32", "float32"]
 Role: TypeAlias = Literal["input", "output", "read-back", "status"]
-Table: TypeAlias = Literal["holding", "input", "coil"]
+Table: TypeAlias = Literal["holding", "input", "coil", "discrete"]
 WordOrder: TypeAlias = Literal["big", "little"]
 Address: TypeAlias = Annotated[int, Quantity(0, 65_535)]
 Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
 
+BITS: Final = frozenset({"coil", "discrete"})
+"""The tables of bits."""
 STRUCTS: Final[dict[NumberType, Struct]] = {
     "int16": Struct(">h"),
     "uint16": Struct(">H"),
@@ -47,7 +49,10 @@ class Register(ConfigModel):
         "channel that it concerns; left out: all channels of the unit.",
     )
     role: Role = Field(description="Use: input, output, read-back of an output, or status.")
-    table: Table = Field(default="holding", description="Table: holding, input or coil.")
+    table: Table = Field(
+        default="holding",
+        description="Table: holding, input, coil or discrete; the last two hold bits, 0 or 1.",
+    )
     address: Address = Field(description="Address as sent: 0 for 40001 or 30001 of some manuals.")
     type: NumberType = Field(default="uint16", description="Coding of the number.")
     words: WordOrder = Field(
@@ -75,30 +80,38 @@ class Register(ConfigModel):
 
     @property
     def size(self) -> int:
-        """Number of words, or of coils."""
-        return 1 if self.table == "coil" or self.type in {"int16", "uint16"} else 2
+        """Number of words, or of bits."""
+        return 1 if self.table in BITS or self.type in {"int16", "uint16"} else 2
+
+    @property
+    def sets_coil(self) -> bool:
+        """Whether it is an output of one bit."""
+        return self.role == "output" and self.table == "coil"
 
     @property
     def low(self) -> float:
         """Lowest value."""
-        return float("-inf") if self.range is None else self.range[0]
+        lowest = 0.0 if self.sets_coil else float("-inf")
+        return lowest if self.range is None else self.range[0]
 
     @property
     def high(self) -> float:
         """Highest value."""
-        return float("inf") if self.range is None else self.range[1]
+        highest = 1.0 if self.sets_coil else float("inf")
+        return highest if self.range is None else self.range[1]
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.role == "status":
             if self.flag is None:
                 yield ("flag",), "a status needs a flag: the fault that it reports"
-            if self.type == "float32" and self.table != "coil":
+            if self.type == "float32" and self.table not in BITS:
                 yield ("type",), "a status must be a whole number, such as uint16"
-        elif self.table == "coil":
-            yield ("table",), "only a status can be a coil"
         elif self.channel is None:
             yield ("channel",), "give the channel a name"
-        if self.role == "output":
+        if self.role != "status" and self.table in BITS:
+            for key in self.model_fields_set & {"type", "words", "scale", "offset", "range"}:
+                yield (key,), "a bit is 0 or 1: leave it out"
+        if self.role == "output" and not self.sets_coil:
             yield from self._broken_rules_of_output()
         # Values are divided by the scale.
         if abs(self.scale) < 1e-12:
@@ -113,7 +126,7 @@ class Register(ConfigModel):
 
     def _broken_rules_of_output(self) -> Iterator[BrokenRule]:
         if self.table != "holding":
-            yield ("table",), "only holding registers can be written"
+            yield ("table",), "only holding registers and coils can be written"
         if self.range is None:
             yield ("range",), "an output needs a range, so that it is never driven beyond it"
         elif self.type != "float32" and abs(self.scale) >= 1e-12:

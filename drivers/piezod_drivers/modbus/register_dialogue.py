@@ -5,17 +5,20 @@ from math import isnan, nan
 from typing import Final
 
 from piezod.devices.bus.base_dialogue import BaseDialogue, StatusTurns
+from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import DeviceFlag, Flags
 from piezod_drivers.modbus.blocks import ReadBlock, WriteBlock
+from piezod_drivers.modbus.codec import set_coil
 from piezod_drivers.modbus.layout import armed_watchdogs, make_layout, profile_of
 from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.setup import DeviceSetup
 from piezod_drivers.modbus.transactions import Transactions
 
 STATUS_PERIOD_NS: Final = 100_000_000
+_HALF: Final = 0.5
 SILENCE_NS: Final = 300_000_000
 """After a silence of this length the status is read before outputs are set.
 
@@ -48,6 +51,9 @@ class RegisterDialogue(BaseDialogue):
         self._status_flags = self._no_flags
         self._combined = self._layout.combined
         self._turns = StatusTurns(STATUS_PERIOD_NS)
+        self._coil_levels: dict[int, bool] = {}  # as the device has acknowledged them
+        self._coil_faults: dict[int, DeviceFlag] = {}
+        self._coils_again_ns = 0
         self._last_ns = 0
         self._tripped = self._trip_lasts = False
 
@@ -74,6 +80,7 @@ class RegisterDialogue(BaseDialogue):
                 setup.check_constants(profile, self._channels)
             identities.append(setup.read_identity(profile))
         self._status_flags = self._flags = self._no_flags
+        self._coil_levels, self._coil_faults = {}, {}
         self._turns.restart()
         self._forget_in_force()
         reads = [self._try_forms(block) for block in self._layout.reads]
@@ -126,6 +133,7 @@ class RegisterDialogue(BaseDialogue):
         # With inputs, `sample` reads the status.
         if not self._layout.reads:
             self._poll_status(began_ns)
+        self._set_coils(values)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Set and read everything in one request (function 23). Real-time safe."""
@@ -138,7 +146,45 @@ class RegisterDialogue(BaseDialogue):
         self._last_ns = began_ns
         measured = self._no_values.copy()
         block.decode(pdu, measured)
+        self._set_coils(values)
         return self._reading(measured, now_ns)
+
+    def flags(self) -> Sequence[Flags]:
+        """Return the flags that the device reported last, and those of its coils."""
+        flags = super().flags()
+        if self._coil_faults:
+            flags = list(flags)
+            for position, flag in self._coil_faults.items():
+                flags[self._n_inputs + position] |= {flag}
+        return flags
+
+    def _set_coils(self, values: Sequence[float]) -> None:
+        """Set the coils whose level has changed, behind all voltages.
+
+        One that is refused concerns no voltage: it has a flag, and is tried again after a while,
+        because each try may last a time-out.
+
+        Raises:
+            LineFault: If the device is lost.
+        """
+        for unit, position, address in self._layout.coils:
+            on = values[position] > _HALF
+            if self._coil_levels.get(position) is on:
+                continue
+            now_ns = self._transactions.now_ns()
+            if position in self._coil_faults and now_ns < self._coils_again_ns:
+                continue
+            try:
+                self._transactions.ask(unit, [set_coil(address, on=on)])
+            except LineFault as fault:
+                self._coils_again_ns = now_ns + STATUS_PERIOD_NS
+                self._coil_faults[position] = fault.flag
+                self._coil_levels.pop(position, None)
+                if fault.flag in LOSING:
+                    raise
+            else:
+                self._coil_levels[position] = on
+                self._coil_faults.pop(position, None)
 
     def _ask_in_force(self) -> list[float]:
         read_back = [nan] * len(self._ranges)

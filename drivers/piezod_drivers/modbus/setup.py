@@ -13,7 +13,7 @@ from piezod_drivers.modbus.profiles.profile import (
     Setting,
     WatchdogPlan,
 )
-from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
+from piezod_drivers.modbus.register import BITS, STRUCTS, NumberType, Table
 from piezod_drivers.modbus.transactions import Transactions
 
 
@@ -34,9 +34,9 @@ class DeviceSetup:
     def read_number(self, table: Table, address: int, kind: NumberType) -> float:
         """Read a number."""
         layout = STRUCTS[kind]
-        count = 1 if table == "coil" else layout.size // 2
+        count = 1 if table in BITS else layout.size // 2
         pdu = self._transactions.ask(self._unit, [read(table, address, count)])
-        return float(pdu[2] & 1 if table == "coil" else layout.unpack_from(pdu, 2)[0])
+        return float(pdu[2] & 1 if table in BITS else layout.unpack_from(pdu, 2)[0])
 
     def write(self, setting: Setting) -> None:
         """Write a setting."""

@@ -13,6 +13,8 @@ from piezod.units import NS_PER_S
 
 _LATER = 0.25
 """How long after a pulse an extra one comes, in intervals."""
+_HIGH = 0.2
+"""How long a pulse lasts, in intervals."""
 Numbers: TypeAlias = tuple[Annotated[int, Quantity(1, 1_000_000)], ...]
 
 
@@ -40,6 +42,26 @@ class CameraOptions(ConfigModel):
                 yield t_ns
             if k + 1 in self.extra:
                 yield t_ns + round(_LATER * interval_ns)
+
+
+class CameraLine:
+    """The level of the camera's output, for a part of the interval high. Real-time safe.
+
+    Args:
+        camera: What pulses, from instant 0 on; None for nothing.
+    """
+
+    def __init__(self, camera: CameraOptions | None) -> None:
+        self._times = iter(()) if camera is None else camera.times_ns()
+        self._next_ns, self._ends_ns = next(self._times, inf), -inf
+        self._high_ns = 0.0 if camera is None else _HIGH * NS_PER_S / camera.rate_hz
+
+    def is_high(self, t_ns: int) -> bool:
+        """Return whether it is high at an instant, in ns; the instants never decrease."""
+        while self._next_ns <= t_ns:
+            self._ends_ns = self._next_ns + self._high_ns
+            self._next_ns = next(self._times, inf)
+        return t_ns < self._ends_ns
 
 
 class TriggerInput:

@@ -26,6 +26,7 @@ from piezod_drivers.simulated.axis import (
     make_axis,
 )
 from piezod_drivers.simulated.coupling import RigCoupling
+from piezod_drivers.simulated.lines import RigLines, axes_of
 from piezod_drivers.simulated.options import SimulatedOptions
 from piezod_drivers.simulated.pattern import counts_at
 from piezod_drivers.simulated.player import TablePlayer
@@ -44,7 +45,8 @@ class SimulatedRig:
 
     Every output is a stage of its own. An input of the same name measures it in µm. With `_v`
     behind the name the input is the uncalibrated voltage of the sensor, with `_light` its light, 1
-    at nominal. An input `photons` has the counts of a detector over a test pattern.
+    at nominal. An input `photons` has the counts of a detector over a test pattern. Channels with
+    `line:` before the name are digital lines, which come last in the wiring.
 
     Args:
         wiring: Names of the channels, at least one.
@@ -53,8 +55,10 @@ class SimulatedRig:
 
     def __init__(self, options: SimulatedOptions, wiring: Wiring, seed: int) -> None:
         self._options = options
+        self._channel_names, wiring = wiring, axes_of(wiring)
         self._wiring = wiring
         self._seed = seed
+        self._lines = RigLines(Wiring((), ()), None)
         inputs = [axis_and_quantity(name, wiring.outputs) for name in wiring.inputs]
         # Driven axes first, each once: `_driven` relies on this order. An input without an
         # output is a stage that nothing drives.
@@ -75,6 +79,7 @@ class SimulatedRig:
         """
         if self._channels:
             raise DeviceError("the simulated rig is already open")
+        self._lines = RigLines(self._channel_names, self._options.camera)
         # A seed of its own for each axis: another axis does not change the specimens of the first
         # ones.
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
@@ -98,7 +103,7 @@ class SimulatedRig:
         self._require_open()
         max_rate_hz = NS_PER_S / self._options.sub_step_ns
         return Capabilities(
-            *self._wiring, read_back=True, max_rate_hz=max_rate_hz, opens_relaxed=True
+            *self._channel_names, read_back=True, max_rate_hz=max_rate_hz, opens_relaxed=True
         )
 
     def activate(self, now_ns: int) -> None:
@@ -137,10 +142,13 @@ class SimulatedRig:
             else _sample(self._channels[i], quantity, now_ns)
             for i, quantity in self._inputs
         ]
-        if self._coupling is None:
-            return own
-        self._coupling.advance([each.plant.true_displacement_um for each in self._channels], t_ns)
-        return self._coupling.samples(own, [_sample(each, "", now_ns) for each in self._channels])
+        if self._coupling is not None:
+            self._coupling.advance(
+                [each.plant.true_displacement_um for each in self._channels], t_ns
+            )
+            uncoupled = [_sample(each, "", now_ns) for each in self._channels]
+            own = self._coupling.samples(own, uncoupled)
+        return [*own, *self._lines.samples(t_ns, now_ns)] if self._lines.inputs else own
 
     def _counted(self, now_ns: int) -> Sample:
         true_um = [[axis_model.plant.true_displacement_um for axis_model in self._driven]]
@@ -174,8 +182,8 @@ class SimulatedRig:
         Raises:
             DeviceError: If time went back.
         """
-        driven = self._driven
-        if not self._active or len(drive_v) != len(driven):
+        driven, lines = self._driven, self._lines.outputs
+        if not self._active or len(drive_v) != len(driven) + len(lines):
             return False
         # All voltages are checked before one is commanded; NaN compares false.
         for i, axis_model in enumerate(driven):
@@ -189,6 +197,8 @@ class SimulatedRig:
             if plant.now_ns != t_ns:
                 plant.advance_to(t_ns)
             plant.command_v = float(drive_v[i])
+        if lines:
+            self._lines.set(drive_v[len(driven) :])
         return True
 
     def read_back(self, now_ns: int) -> Sequence[float]:
@@ -203,17 +213,20 @@ class SimulatedRig:
         for axis_model in driven:
             if axis_model.plant.now_ns != t_ns:
                 axis_model.plant.advance_to(t_ns)
-        return [axis_model.plant.drive_v for axis_model in driven]
+        return [*(axis_model.plant.drive_v for axis_model in driven), *self._lines.values]
 
     def player_capabilities(self) -> PlayerCapabilities:
         """Return the capabilities: points are on the grid of the physics.
 
         Raises:
-            DeviceError: If its axes are coupled: a record would show each axis by itself.
+            DeviceError: If its axes are coupled: a record would show each axis by itself; or if
+                lines of it are in use.
         """
         self._require_open()
         if self._coupling is not None:
             raise DeviceError("the rig plays no tables while its axes are coupled")
+        if self._lines.inputs or self._lines.outputs:
+            raise DeviceError("the rig plays no tables while the loop has its lines")
         return self._player.capabilities
 
     def load(self, table: Table, check: Check = go_on) -> Table:
@@ -265,7 +278,8 @@ class SimulatedRig:
 
     def pulses_counted(self) -> tuple[int, ...]:
         """Return the number of pulses of each line since the rig was opened."""
-        return tuple(self._player.pulses.tolist())
+        of_loop = self._lines.pulses.values() if self._lines.outputs else ()
+        return tuple(of_loop or self._player.pulses.tolist())
 
     def _require_open(self) -> None:
         if not self._channels:

@@ -27,19 +27,35 @@ def start(
     label: Annotated[
         str | None, typer.Argument(metavar="[LABEL]", help="Becomes part of the file's name.")
     ] = None,
+    line: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINE",
+            help="Line of the stage whose rising edge starts it; its falling edge ends it.",
+        ),
+    ] = None,
+    before_s: Annotated[
+        float, typer.Option(help="Time before the edge that is recorded, too, s; at most 10.")
+    ] = 0.0,
+    duration_s: Annotated[
+        float | None, typer.Option(help="Time from the edge to the end, s, in place of an edge.")
+    ] = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Start a recording and print its name."""
+    if line is None and (before_s or duration_s is not None):
+        raise typer.BadParameter("is for a recording with --line", param_hint="'--before-s'")
     if label and not _LABEL.fullmatch(label):
         message = (
             f"may have up to 32 letters, digits, _ and -, the first a letter or digit (got {label})"
         )
         raise typer.BadParameter(message, param_hint="'LABEL'")
     with connect(stage, socket) as client:
-        started = client.start_recording(label)
-    print_answer(started, f"recording {started.name}", json=json)
+        started = client.start_recording(label, line=line, before_s=before_s, duration_s=duration_s)
+    waits = f" when line {line} rises" if started.armed else ""
+    print_answer(started, f"recording {started.name}{waits}", json=json)
 
 
 def stop(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:

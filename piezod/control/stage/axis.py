@@ -12,6 +12,7 @@ from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms.waveform import Waveform
 from piezod.control.law.axis import AxisOutput, CompensatedAxis
+from piezod.control.reference.edge_clock import EdgeClock
 from piezod.control.reference.motion import (
     Motion,
     StreamedReference,
@@ -77,6 +78,7 @@ class StageAxis:
         self.command_um = nan
         """Command of the last cycle, in µm; NaN if there was none."""
         self._motion, self._started_ns, self._arrives_ns = rest_at(nan), 0, 0
+        self._clock: EdgeClock | None = None
         self.stream: StreamedReference | None = None
         self.follows_input = False
         """Whether the setpoints come from the command input of the axis."""
@@ -220,7 +222,14 @@ class StageAxis:
         """Return the movement to the start of a waveform."""
         return lead_in(waveform, *self.reference_at(t_ns), self.motion_limits)
 
-    def follow(self, waveform: Waveform, duration_s: float, t_ns: int, start_ns: int = 0) -> None:
+    def follow(
+        self,
+        waveform: Waveform,
+        duration_s: float,
+        t_ns: int,
+        start_ns: int = 0,
+        clock: EdgeClock | None = None,
+    ) -> None:
         """Follow a waveform.
 
         Args:
@@ -229,10 +238,15 @@ class StageAxis:
             t_ns: Instant of the cycle, in ns.
             start_ns: Instant at which the waveform begins, in ns; as soon as the axis is at its
                 start if that is later.
+            clock: The time of the movement, if it waits for edges.
         """
         begins_s = (start_ns - t_ns) / NS_PER_S
-        before = self.lead_in(waveform, t_ns)
-        self.move(waveform_motion(waveform, duration_s, before, begins_s), t_ns)
+        motion = waveform_motion(waveform, duration_s, self.lead_in(waveform, t_ns), begins_s)
+        if clock is not None:
+            reference_um, at_s = motion.reference_um, clock.at_s
+            motion = motion._replace(reference_um=lambda t_s: reference_um(at_s(t_s)))
+        self.move(motion, t_ns)
+        self._clock = clock
 
     def follow_stream(self, t_ns: int) -> None:
         """Follow the setpoints of a stream."""
@@ -259,7 +273,7 @@ class StageAxis:
     def move(self, motion: Motion, t_ns: int) -> None:
         """Start a movement."""
         self._motion, self._started_ns, self._forced = motion, t_ns, False
-        self._held_v = nan
+        self._held_v, self._clock = nan, None
         self._arrives_ns = t_ns + s_to_ns(motion.duration_s)
         self.stream, self._is_on_target, self.follows_input = None, False, False
         self._on_target.restart()
@@ -292,7 +306,7 @@ class StageAxis:
             output.command_um = output.uncompensated_v = self.command_um = nan
             return output
         self.command_um = output.command_um
-        arrived = sample.valid and t_ns >= self._arrives_ns
+        arrived = sample.valid and not self.way_s(t_ns)
         error_um = output.command_um - sample.position_um if arrived else nan
         self._is_on_target = self._on_target.update(error_um)
         return output
@@ -319,4 +333,7 @@ class StageAxis:
 
     def way_s(self, t_ns: int) -> float:
         """Return the time until the movement is at its end, in s."""
-        return max(self._arrives_ns - t_ns, 0) / NS_PER_S
+        clock, gone_ns = self._clock, t_ns - self._started_ns
+        if clock is not None:
+            gone_ns = self._arrives_ns if clock.ended else round(clock.at_ns(gone_ns))
+        return max(self._arrives_ns - self._started_ns - gone_ns, 0) / NS_PER_S

@@ -32,7 +32,7 @@ from piezod.control.stage.user_requests import movers
 from piezod.errors import PiezodError
 from piezod.messages import requests
 from piezod.telemetry.record import StageEvent
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, s_to_ns
 
 AT_REST_PART = 0.01
 """A stage is at rest if its voltage is the rest voltage within this share of its range."""
@@ -190,11 +190,13 @@ def _path(stage: Stage, request: requests.Path, t_ns: int) -> Answer:
 
 def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
     users, why = movers(stage, request.command_um)
+    why = why or _line_refusal(stage, request, of_users=users is not None)
     if why:
         return Answer(False, why)
     if users is not None:
         return user_requests.wave(stage, users, request, t_ns)
     waveforms: dict[int, Waveform] = {}
+    before_s = 0.0
     for name, config in request.command_um.items():
         axes, why = axes_named(stage, name)
         if why:
@@ -204,13 +206,33 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         why = too_fast(waveform.highest_hz, NS_PER_S / stage.period_ns)
         why = why or axis.motion_limits.refusal(waveform.low, waveform.high)
         lead_in_s = axis.lead_in(waveform, t_ns).duration_s
+        before_s = max(before_s, lead_in_s)
         if why := why or start_refusal(request.start_s, t_ns, lead_in_s):
             return Answer(False, why)
     if why := start_running(stage, t_ns):
         return Answer(False, why)
+    begins_ns, clock = start_ns(request.start_s), None
+    lines = stage.lines()
+    if lines is not None and (request.pulses or request.edges):
+        # All axes begin together, because the lines have one time.
+        begins_ns = max(begins_ns, t_ns + s_to_ns(before_s))
+        first = stage.axes[next(iter(waveforms))]
+        clock = lines.begin(request, first, t_ns, begins_ns - t_ns)
     for i, waveform in waveforms.items():
-        stage.axes[i].follow(waveform, request.duration_s, t_ns, start_ns(request.start_s))
+        stage.axes[i].follow(waveform, request.duration_s, t_ns, begins_ns, clock)
     return _started([stage.axes[i] for i in waveforms], t_ns)
+
+
+def _line_refusal(stage: Stage, request: requests.Wave, *, of_users: bool) -> str:
+    """Return why a request cannot use lines; empty if it can, or uses none."""
+    if not (request.pulses or request.edges):
+        return ""
+    lines = stage.lines()
+    if lines is None:
+        return "the stage has no lines: name digital channels in `lines:` of its configuration"
+    if of_users:
+        return "lines are in step with the axes of `axes:`, not with those of `transform:`"
+    return lines.refusal(request)
 
 
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:

@@ -12,6 +12,7 @@ from piezod.control.faults.detection import Detection
 from piezod.control.faults.register import FaultRegister
 from piezod.control.stage.boundary import OutputKnowledge
 from piezod.control.stage.causes import cause_of, explained
+from piezod.control.stage.lines import StageLines
 from piezod.control.stage.output_judge import OutputJudge
 from piezod.control.stage.parts import StageParts
 from piezod.control.stage.playing import StagePlay
@@ -70,6 +71,7 @@ class Stage:
         self.output = OutputKnowledge(self.boundary.reads_back, on_output_lost)
         self.zero = SensorZero(len(self.axes), self.boundary.zero)
         self.users = parts.users and parts.users(self.axes)
+        self._lines = parts.lines
         self._rebuild = parts.rebuild
         self._state_before, self._driven_when_lost, self._cause = State.BOOT, False, ""
         self._memory_known, self._was_driven = memory_known, False
@@ -222,6 +224,10 @@ class Stage:
     def play(self) -> StagePlay:
         """Return the play, which has the devices while it runs. Real-time safe."""
         return self._play
+
+    def lines(self) -> StageLines | None:
+        """Return the lines of the loop; None if there are none. Real-time safe."""
+        return self._lines
 
     def resume_output(self, t_ns: int) -> None:
         """Begin again what the axes drive in this state: a play has left other voltages."""

@@ -21,7 +21,8 @@ def make_channels(config: DaemonConfig) -> Channels:
         RegistryError: If a driver cannot be loaded.
     """
     axes = pairs_of(config.axes)
-    return Channels(construct(config.devices, axes, config.seed), axes)
+    devices = construct(config.devices, axes, config.seed, config.lines)
+    return Channels(devices, axes, config.lines)
 
 
 class DeviceOpener(threading.Thread):

@@ -113,7 +113,8 @@ def main(
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed, able = TimedChannels(channels, clock, last_output), channels.capabilities()
-    controller = assemble(config, timed, able, partial(_forget, last_output, clock), plays)
+    forget = partial(_forget, last_output, clock)
+    controller = assemble(config, timed, able, forget, plays, channels.levels)
     controller.stay_in_boot(True)
     # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
@@ -124,9 +125,8 @@ def main(
     shared.set_report(_report(steps, placements, realtime.processor))
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
     take_over(controller, shared, config, channels, known, last_output.kept_v)
-    period_ns = kept_period_ns(period_ns, busy_ns)
-    spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
-    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns), *reports)
+    pacer = _pacer(config, clock, busy_ns, period_ns := kept_period_ns(period_ns, busy_ns))
+    loop = Loop(controller, timed, shared, clock, pacer, *reports)
     loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
     loop.publisher.events(_processor_events(realtime.processor, clock.now_ns()))
     _run(loop, realtime, clock)
@@ -152,6 +152,11 @@ def _report(
         "devices": [one.document() for one in placements],
         "processor": processor and processor.document(),
     }
+
+
+def _pacer(config: DaemonConfig, clock: Clock, busy_ns: int, period_ns: int) -> Pacer:
+    spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
+    return Pacer(clock, period_ns, spin_ns)
 
 
 def _forget(last_output: LastOutputWriter, clock: Clock) -> None:

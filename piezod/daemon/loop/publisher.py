@@ -70,13 +70,13 @@ class Publisher:
         if write_late_ns != NOT_WRITTEN:
             write_late_ns -= deadline_ns
         busy_ns = end_ns - deadline_ns - late_ns  # the cycle began at deadline + late
-        t_ns, state, shadow, written, present, latched, axes = record
+        t_ns, state, shadow, written, present, latched, axes, lines = record
         read_ns, write_ns, place = timed.read_ns, timed.write_ns, _STATES[id(state)]
         compute_ns = busy_ns - read_ns - write_ns
         # The fields of a `CycleHeader`, without the tuple.
         values: list[float] = [t_ns, late_ns, read_ns, compute_ns, write_late_ns, write_ns]
         values += self._skipped, present & _LOW, present >> 64, latched & _LOW, latched >> 64
-        values += place, shadow, written
+        values += lines, place, shadow, written
         counter = self._counter
         for index, axis in enumerate(axes):
             values += encode_axis(axis)

@@ -106,5 +106,7 @@ def _driven(config: DaemonConfig, amplifier: str) -> list[str]:
 def _channels(config: DaemonConfig, amplifier: str, driven: list[str]) -> Channels:
     """Construct an amplifier as the loop does, but without its sensors."""
     pairs = pairs_of(config.axes)
-    made = construct({amplifier: config.devices[amplifier]}, pairs, config.seed)
-    return Channels(made, {axis: pairs[axis]._replace(sensor="", command=None) for axis in driven})
+    lines = {name: line for name, line in config.lines.items() if line.output}  # they go low
+    made = construct({amplifier: config.devices[amplifier]}, pairs, config.seed, lines)
+    own = {axis: pairs[axis]._replace(sensor="", command=None) for axis in driven}
+    return Channels(made, own, lines)

@@ -4,6 +4,7 @@ The body of a request endpoint is the request without its kind.
 """
 
 import asyncio
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from inspect import isawaitable
@@ -14,7 +15,7 @@ from fastapi import Request as HttpRequest
 from pydantic import Field, StringConstraints
 from starlette.responses import Response
 
-from piezod.config.fields import ConfigModel, Quantity
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity
 from piezod.config.quantities import StartS
 from piezod.daemon.service.answers import ForbiddenError, JsonAnswer, TooManyError
 from piezod.daemon.service.connection import connection_of
@@ -31,6 +32,7 @@ from piezod.daemon.stage.errors import NotNowError, UnknownNameError
 from piezod.messages.answers import Answer as Accepted
 from piezod.messages.answers import Released
 from piezod.messages.endpoints import Endpoint, Role
+from piezod.messages.recording_edge import RecordingEdge
 from piezod.messages.requests import TABLE, Request, Reset
 
 router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
@@ -217,6 +219,13 @@ class StartRecording(ConfigModel):
 
     label: Label | None = Field(default=None, description="Becomes part of the name.")
     start_s: StartS = None
+    edge: RecordingEdge | None = Field(
+        default=None, description="The edge that starts it, in place of start_s."
+    )
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if self.edge is not None and self.start_s is not None:
+            yield ("start_s",), "an edge starts the recording: leave out one of the two"
 
 
 class KeepRecording(ConfigModel):
@@ -260,7 +269,9 @@ async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswe
     """Start recording every cycle."""
     started = await context.perform(
         f"recordings start {body.label or ''}".rstrip(),
-        lambda: context.stage.start_recording(body.label, context.peer, start_s=body.start_s),
+        lambda: context.stage.start_recording(
+            body.label, context.peer, start_s=body.start_s, edge=body.edge
+        ),
     )
     recorders = context.state.recorders
     recorders.clear()  # there is one recording at a time

@@ -16,11 +16,13 @@ from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.stage.connection import LoopConnection
 from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
+from piezod.daemon.stores.edge_source import Trigger
 from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.stores.recorded_files import EventSource, RecordedStage, RecordSource
 from piezod.daemon.stores.recorder import Recorder, RecorderError
 from piezod.daemon.stores.recording_limits import RecordingLimits
 from piezod.errors import DataError
+from piezod.messages.recording_edge import RecordingEdge
 from piezod.messages.stores import KeptRecording, Recording, Recordings, RunningRecording
 from piezod.records.recording.header import TelemetryHeader
 from piezod.records.recording.part_names import part_name
@@ -66,7 +68,12 @@ class StageRecordings:
         # Now, because they are read from the source, which an upgrade may take away.
         self._descriptions = descriptions()
         stage = RecordedStage(
-            open_reader, open_events, partial(record_dtype, axes), learned, lambda: _texts(models())
+            open_reader,
+            open_events,
+            partial(record_dtype, axes),
+            learned,
+            lambda: _texts(models()),
+            last,
         )
         self._recorder = Recorder(stage, paths.recordings)
         self._flights = FlightRecorder(last, paths.flights)
@@ -96,26 +103,32 @@ class StageRecordings:
         return status.lost > (before[1] if before[0] == status.name else 0)
 
     async def start(
-        self, loop: LoopConnection, label: str | None, start_s: float | None = None
+        self,
+        loop: LoopConnection,
+        label: str | None,
+        start_s: float | None = None,
+        edge: RecordingEdge | None = None,
     ) -> Recording:
-        """Start recording every cycle.
+        """Start recording every cycle, or wait for an edge.
 
         Args:
             loop: The loop.
             label: Part of the name.
             start_s: Instant of the first record and of time 0; None for now.
+            edge: The edge that starts it; None to start without one.
 
         Raises:
-            BadValueError: If the label cannot be part of a name, or the instant cannot be kept.
+            BadValueError: If the label cannot be part of a name, the instant cannot be kept, or the
+                stage has no such line.
             NotNowError: If a recording is running already, or the disk is too full.
         """
         if why := start_refusal(start_s, time.monotonic_ns(), 0.0):
             raise BadValueError(why)
-        begins_ns = start_ns(start_s)
+        begins_ns, trigger = start_ns(start_s), None if edge is None else _trigger_of(edge, loop)
         async with self._one_at_a_time:
             header = self._header(loop, label or self._name, begins_ns)
             limits = _limits(loop.config.recordings)
-            start = partial(self._recorder.start, header, label or "", limits, begins_ns)
+            start = partial(self._recorder.start, header, label or "", limits, begins_ns, trigger)
             try:
                 name = await asyncio.to_thread(start)
             except ValueError as error:
@@ -127,7 +140,7 @@ class StageRecordings:
                 await asyncio.to_thread(self._recorder.stop)
                 what = f"the file was ready {late_s:.3g} s after start_s"
                 raise NotNowError(what, "start later; the first recording takes longest")
-        return Recording(True, name)
+        return Recording(True, name, armed=trigger is not None)
 
     async def stop(self) -> Recording:
         """End the recording, or return that it has ended by itself, and why.
@@ -211,6 +224,7 @@ class StageRecordings:
         # Recordings store members of enumerations as numbers; the header has their names.
         places = enumerations().items()
         models = {f"model_{axis}": text for axis, text in _texts(loop.models).items()}
+        lines = tuple(loop.config.lines)
         return TelemetryHeader(
             title=title,
             axes=loop.axes,
@@ -225,8 +239,17 @@ class StageRecordings:
                 for name, axis in loop.config.user_axes.items()
                 if axis.unit != "µm"
             },
-            bits=mask_bits(),
+            bits=mask_bits() | ({"lines": lines} if lines else {}),
         )
+
+
+def _trigger_of(edge: RecordingEdge, loop: LoopConnection) -> Trigger:
+    names = list(loop.config.lines)
+    if edge.line not in names:
+        what = f"no line {edge.line!r}: the stage has {', '.join(names) or 'none'}"
+        remedy = "name a digital input of a device in `lines:` of its configuration"
+        raise BadValueError(f"{what}; {remedy}")
+    return Trigger(edge.line, names.index(edge.line), edge.before_s, edge.duration_s)
 
 
 def _texts(models: Mapping[str, ModelFile | None]) -> dict[str, str]:

@@ -34,6 +34,7 @@ from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.messages.answers import Faults, Health, Realtime, Status
 from piezod.messages.documents import Document
 from piezod.messages.endpoints import TOWARDS_SAFETY
+from piezod.messages.recording_edge import RecordingEdge
 from piezod.messages.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
 from piezod.messages.stores import (
     Audit,
@@ -292,10 +293,15 @@ class RunningStage:
         self._changed = await asyncio.to_thread(self._config_changed)
 
     async def start_recording(
-        self, label: str | None, peer: Peer, *, start_s: float | None = None
+        self,
+        label: str | None,
+        peer: Peer,
+        *,
+        start_s: float | None = None,
+        edge: RecordingEdge | None = None,
     ) -> Recording:
-        """Start recording every cycle, from an instant on."""
-        started = await self.stage_recordings.start(self._running(), label, start_s)
+        """Start recording every cycle, from an instant or from an edge on."""
+        started = await self.stage_recordings.start(self._running(), label, start_s, edge)
         _log.info("recording started", user=peer.user, name=started.name)
         return started
 

@@ -48,6 +48,8 @@ class RecordedStage(NamedTuple):
     models: Callable[
         [], Mapping[str, str]
     ]  #: Returns the texts of the model files in use, by axis.
+    #: Returns the newest records, at most a given number, oldest first.
+    last: Callable[[int], Records]
 
 
 class RecordedFiles:

@@ -1,14 +1,17 @@
 """Records every cycle to a file, in a thread."""
 
 import errno
+import json
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from threading import Event, Lock, Thread
 from typing import Final, NamedTuple
 
 from piezod.daemon.logging import logger
+from piezod.daemon.stores.edge_source import EdgeSource, Trigger
 from piezod.daemon.stores.recorded_files import RecordedFiles, RecordedStage
 from piezod.daemon.stores.recording_limits import RecordingLimits, no_room
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
@@ -68,14 +71,16 @@ class Recorder:
         label: str = "",
         limits: RecordingLimits = RecordingLimits(),  # noqa: B008 - it cannot change
         begins_ns: int = 0,
+        trigger: Trigger | None = None,
     ) -> str:
-        """Start a recording with the next cycle, or at an instant.
+        """Start a recording with the next cycle, or at an instant, or wait for an edge.
 
         Args:
             header: Header of the file; the number of weights is filled in.
             label: Label in its name, see `RecordingsFolder.new`.
             limits: How large it and all recordings may become.
             begins_ns: Instant of its first cycle, in ns; 0 for the next cycle.
+            trigger: The edge that starts it; time 0 of its file is that of the edge.
 
         Returns:
             Its name.
@@ -92,12 +97,19 @@ class Recorder:
         try:
             if why := self._too_full(path.stem):
                 raise RecorderError(why)
-            files = RecordedFiles(self._stage, self.folder, path, header, limits, begins_ns)
+            make = partial(RecordedFiles, folder=self.folder, path=path, limits=limits)
+            if trigger is None:
+                files = make(self._stage, header=header, begins_ns=begins_ns)
+                work = partial(self._record, files)
+            else:
+                reader, last = self._stage.open_reader(), self._stage.last
+                source = EdgeSource(reader, last, trigger, header.rate_hz)
+                work = partial(self._record_from_edge, source, trigger, header, make)
         except OSError as error:
             raise RecorderError(f"the recording cannot be started: {error}") from error
-        self._set_status(Recording(True, path.stem))
+        self._set_status(Recording(True, path.stem, armed=trigger is not None))
         self._ending.clear()  # the last `stop` has set it
-        self._thread = Thread(target=self._record, args=(files,), name="recorder")
+        self._thread = Thread(target=work, name="recorder")
         self._thread.start()
         return path.stem
 
@@ -118,8 +130,31 @@ class Recorder:
             self._thread.join()
             self._thread = None
 
-    def _record(self, files: RecordedFiles) -> None:
-        failure = _failure_of(lambda: self._copy_until_end(files))
+    def _record_from_edge(
+        self,
+        source: EdgeSource,
+        trigger: Trigger,
+        header: TelemetryHeader,
+        make: Callable[..., RecordedFiles],
+    ) -> None:
+        events = self._stage.open_events()  # what happened before the edge is in the file, too
+        while not source.seek(MAX_RECORDS):
+            if self._ending.wait(DRAIN_S):
+                why = f"line {trigger.line} had no rising edge: there is no file"
+                self._set_status(replace(self.status, recording=False, armed=False, why=why))
+                return
+        stage = self._stage._replace(open_reader=lambda: source, open_events=lambda: events)
+        try:
+            files = make(stage, header=_begun_at(header, trigger, source.edge_ns))
+        except OSError as error:
+            why = f"the file cannot be made: {error}"
+            self._set_status(replace(self.status, recording=False, armed=False, why=why))
+            return
+        self._set_status(replace(self.status, armed=False))
+        self._record(files, source)
+
+    def _record(self, files: RecordedFiles, source: EdgeSource | None = None) -> None:
+        failure = _failure_of(lambda: self._copy_until_end(files, source))
         not_closed = _failure_of(files.close)  # also after a failure: it keeps what is there
         why, disk_full = failure if failure.why else not_closed
         status = replace(self.status, recording=False, why=why, disk_full=disk_full)
@@ -127,11 +162,13 @@ class Recorder:
         if why:
             logger("recorder").error("recording ended", name=status.name, why=why)
 
-    def _copy_until_end(self, files: RecordedFiles) -> str:
-        """Copy records until the end; return why it ends, or "" on request."""
+    def _copy_until_end(self, files: RecordedFiles, source: EdgeSource | None) -> str:
+        """Copy records until the end; return why it ends, or "" on request or at an edge."""
         times = 0
         while not self._ending.wait(DRAIN_S):
             self._copy(files)
+            if source is not None and source.ended:
+                return ""
             times += 1
             if times % _CHECK_EVERY == 0 and (why := self._too_full(files.name)):
                 return why
@@ -155,6 +192,19 @@ class Recorder:
     def _set_status(self, status: Recording) -> None:
         with self._lock:
             self._status = status
+
+
+def _begun_at(header: TelemetryHeader, trigger: Trigger, edge_ns: int) -> TelemetryHeader:
+    """Return the header of a file whose time 0 is an edge."""
+    later = timedelta(microseconds=(edge_ns - header.start_ns) / 1000)
+    at = datetime.fromisoformat(header.started_at) + later
+    told = {"line": trigger.line, "edge": "rising", "edge_ns": edge_ns}
+    return replace(
+        header,
+        started_at=at.isoformat(timespec="milliseconds"),
+        start_ns=edge_ns,
+        notes={**header.notes, "trigger": json.dumps(told)},
+    )
 
 
 def _with_counts(status: Recording, files: RecordedFiles) -> Recording:

@@ -1,6 +1,6 @@
 """A scan that the loop of a running stage carries out, recorded by its daemon."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from piezod.experiment.live.record import check_followed
 from piezod.experiment.live.setup import LiveSetup
 from piezod.experiment.live.stage import LiveStage
 from piezod.experiment.scan.by_loop import Cycles, plan_by_loop, run_by_loop
+from piezod.experiment.scan.loop_lines import PartLines, check_lines, count_pulses, followed
 from piezod.experiment.scan.plan import PlannedAxis
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told
 from piezod.records.recording.reader import RecordedTelemetry
@@ -32,10 +33,13 @@ class RunningLoopStage:
         stage: The stage.
         mode: Mode of the axes.
         axes: Their names.
+        lines: Names of the lines of the stage, in the order of their bits.
     """
 
-    def __init__(self, stage: LiveStage, mode: Mode, axes: tuple[str, ...]) -> None:
-        self._stage, self._mode, self._axes = stage, mode, axes
+    def __init__(
+        self, stage: LiveStage, mode: Mode, axes: tuple[str, ...], lines: Sequence[str] = ()
+    ) -> None:
+        self._stage, self._mode, self._axes, self._lines = stage, mode, axes, lines
 
     def begin(self) -> None:
         """Rest, zero the sensors, arm, and select the mode."""
@@ -46,7 +50,9 @@ class RunningLoopStage:
         stage.arm()
         stage.select(self._mode, self._axes)
 
-    def follow(self, waveforms_um: Mapping[str, Points], duration_s: float) -> Cycles:
+    def follow(
+        self, waveforms_um: Mapping[str, Points], duration_s: float, lines: PartLines
+    ) -> Cycles:
         """Go to the start of waveforms and follow them; return the cycles since their begin."""
         stage = self._stage
         # Axes that are there begin together: each would begin after its own way otherwise.
@@ -57,14 +63,20 @@ class RunningLoopStage:
         stage.follow(begins_um, WAIT_S, self._mode)
         # The recording starts before the movement, because its start is found in the recording.
         stage.recorder.start("scan")
-        stage.follow(waveforms_um, duration_s, self._mode)
-        return _cycles(stage.recorder.end(), waveforms_um, duration_s)
+        stage.follow(waveforms_um, duration_s, self._mode, lines)
+        return _cycles(stage.recorder.end(), waveforms_um, duration_s, lines, self._lines)
 
 
 def _cycles(
-    telemetry: RecordedTelemetry, waveforms_um: Mapping[str, Points], duration_s: float
+    telemetry: RecordedTelemetry,
+    waveforms_um: Mapping[str, Points],
+    duration_s: float,
+    lines: PartLines,
+    names: Sequence[str],
 ) -> Cycles:
     """Return the cycles of waveforms that were the last movement of a recording.
+
+    Times in which it waited for an edge are left out; the same clock as in the loop finds them.
 
     Raises:
         DataError: If they were not commanded as given, from their start to their end.
@@ -75,20 +87,32 @@ def _cycles(
     if not moved:
         raise DataError("the recording of the scan does not start before the movement")
     # A request is carried out at the end of a cycle, with the time of that cycle.
-    t_s, part = telemetry.cycles["t_s"], slice(moved - 1, None)
-    since_s = t_s[part] - t_s[moved - 1]
-    if since_s[-1] < duration_s - 2.0 / telemetry.header.rate_hz:
+    part, t_ns = slice(moved - 1, None), telemetry.cycles["t_ns"][moved - 1 :]
+    masks = telemetry.cycles["lines"][part] if names else np.zeros(t_ns.size, np.int64)
+    high = 0 if lines.edges is None else masks >> names.index(lines.edges.line) & 1
+    moment = followed(lines.edges, t_ns - t_ns[0], high)
+    since_s = moment.t_s
+    if since_s[-1] < duration_s - 2.0 / telemetry.header.rate_hz and not moment.ended:
         raise DataError("the recording of the scan ends before it")
     for name, columns in axes.items():
         value = waveforms_um[name].built(duration_s).value
         check_followed(name, value, since_s[1:], columns["command_um"][part][1:])
-    begin_ns = telemetry.cycles["t_ns"][moved - 1]
-    position_um, sample_s = (
-        np.stack([columns[column][part] for columns in axes.values()], axis=1)
+    moves = np.diff(since_s, prepend=-1.0) > 0.0
+    position_um, sample_ns = (
+        np.stack([columns[column][part][moves] for columns in axes.values()], axis=1)
         for column in ("position_um", "sample_ns")
     )
-    unknown, late_ns = np.full(position_um.shape, np.nan), telemetry.cycles["late_ns"][part]
-    return Cycles(since_s, (sample_s - begin_ns) / NS_PER_S, position_um, unknown, late_ns)
+    age_s = (t_ns[moves][:, None] - sample_ns) / NS_PER_S
+    return Cycles(
+        since_s[moves],
+        since_s[moves][:, None] - age_s,
+        position_um,
+        np.full(position_um.shape, np.nan),
+        telemetry.cycles["late_ns"][part][moves],
+        moment.edges,
+        moment.ended,
+        count_pulses(masks, names),
+    )
 
 
 def scan_by_running_loop(
@@ -117,10 +141,12 @@ def scan_by_running_loop(
             be used.
         OSError: If the file cannot be written.
     """
+    lines = setup.document.get("lines", {})
+    check_lines(scan, lines, setup.user_axes)
     plan = plan_by_loop(scan, planned, round(NS_PER_S / setup.rate_hz))
     configs = [setup.axes[setup.moved_by(name)[0]].config for name in plan.axes]
     with LiveStage(client, setup, lambda _over_s: None) as stage:
-        on = RunningLoopStage(stage, mode, plan.axes)
+        on = RunningLoopStage(stage, mode, plan.axes, tuple(lines))
         result = run_by_loop(scan, plan, configs, on, setting, told)
         stage.disarm()
     for note in stage.fault_notes("During the scan faults"):

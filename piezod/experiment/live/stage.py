@@ -28,6 +28,7 @@ from piezod.experiment.lateness import until_punctual
 from piezod.experiment.live.loop_lateness import LoopLateness
 from piezod.experiment.live.recorder import StageRecorder
 from piezod.experiment.live.setup import LiveSetup
+from piezod.experiment.scan.loop_lines import PartLines
 from piezod.messages.documents import Document
 from piezod.messages.telemetry import Telemetry as Interval
 
@@ -255,15 +256,24 @@ class LiveStage:
         for axis in axes:
             self._client.mode(mode, axis=axis)
 
-    def follow(self, command_um: Waveforms, duration_s: float, mode: Mode) -> None:
+    def follow(
+        self,
+        command_um: Waveforms,
+        duration_s: float,
+        mode: Mode,
+        lines: PartLines = PartLines(),  # noqa: B008 - it cannot change
+    ) -> None:
         """Follow waveforms to their end.
 
         Args:
             command_um: Position over time for each axis, in µm.
             duration_s: Duration of the waveforms, in s.
             mode: Mode of all of these axes.
+            lines: What lines do meanwhile.
         """
-        answer = self._client.wave(command_um, duration_s)
+        pulses, edges = ([each.model_dump() for each in lines.pulses], lines.edges)
+        waits = None if edges is None else edges.model_dump()
+        answer = self._client.wave(command_um, duration_s, pulses=pulses, edges=waits)
         motion, takes_s = answer.motion, answer.duration_s
         first, start_s = next(iter(command_um)), inf
 
@@ -278,6 +288,8 @@ class LiveStage:
                     raise NotReachedError(what + because_of(interval), code="mode")
             if interval.axes[first].motion == motion:
                 start_s = min(start_s, interval.t_s)
+                if edges is not None and interval.axes[first].remaining_s:
+                    return False  # edges decide how long it takes
             return interval.state == State.RUN and interval.t_s - start_s >= takes_s
 
         self._wait(ended, {State.RUN})

@@ -4,8 +4,10 @@ A request takes so many points only, so a long scan is a few waveforms, one afte
 two of them the fast axis stands still, where it turns.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -13,7 +15,10 @@ import numpy as np
 from piezod.config.axes import AxisConfig
 from piezod.config.scan import AnyScan, SpiralScan, StackScan
 from piezod.config.waveforms.paths import Points
+from piezod.devices.player import SeenEdge
 from piezod.errors import DataError, DeviceError, RefusedError
+from piezod.experiment.scan.edges import sweep_ns
+from piezod.experiment.scan.loop_lines import PartLines, lines_of, pulse_notes
 from piezod.experiment.scan.pixels import Int64Array, SweepSamples
 from piezod.experiment.scan.plan import PlannedAxis, ScanPlan, plan_scan
 from piezod.experiment.scan.run import (
@@ -25,7 +30,7 @@ from piezod.experiment.scan.run import (
     store_frame,
 )
 from piezod.hysteresis.memory import FloatArray
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, s_to_ns
 
 HOLD_S = 0.5
 """Time at the first position of each part, in s: the stage settles."""
@@ -50,11 +55,16 @@ class ScanPart(NamedTuple):
 class Cycles(NamedTuple):
     """The cycles since the begin of the waveforms of a part, n of them."""
 
-    t_s: FloatArray  #: (n,) instant of each cycle since then, in s, increasing.
+    #: (n,) instant of each cycle since then, in s, increasing: time in which it waits is left out.
+    t_s: FloatArray
     sample_s: FloatArray  #: (n, axes) instant of each sample since then, in s.
     position_um: FloatArray  #: (n, axes) measured displacement, in µm; NaN if it is not valid.
     true_um: FloatArray  #: (n, axes) true displacement, in µm; NaN if it is not known.
     late_ns: FloatArray  #: (n,) lateness of each cycle, in ns.
+    #: Rising edges for which it waited, or that came too early, in ns since the begin.
+    edges: tuple[SeenEdge, ...] = ()
+    ended: bool = False  #: Whether it has ended because an edge did not come.
+    pulses: Mapping[str, int] = MappingProxyType({})  #: Pulses of each line, by name.
 
 
 class LoopStage(Protocol):
@@ -68,12 +78,15 @@ class LoopStage(Protocol):
         """
         ...
 
-    def follow(self, waveforms_um: Mapping[str, Points], duration_s: float) -> Cycles:
+    def follow(
+        self, waveforms_um: Mapping[str, Points], duration_s: float, lines: PartLines
+    ) -> Cycles:
         """Go to the start of waveforms and follow them; return the cycles since their begin.
 
         Args:
             waveforms_um: Position of each axis over time, in µm, in the order of the plan.
             duration_s: Duration of the waveforms, in s.
+            lines: What lines do meanwhile.
 
         Raises:
             PiezodError: If the stage did not follow them to the end.
@@ -99,7 +112,8 @@ def plan_by_loop(scan: AnyScan, axes: Mapping[str, PlannedAxis], period_ns: int)
         period_ns: Period of the loop, in ns.
 
     Raises:
-        DataError: If a pixel is faster than the loop, or as `plan_scan`.
+        DataError: If a pixel is faster than the loop, planes that wait for edges are too many, or
+            as `plan_scan`.
     """
     period_s = period_ns / NS_PER_S
     assert not isinstance(scan, SpiralScan)  # noqa: S101 - its rules refuse a mode
@@ -116,7 +130,13 @@ def plan_by_loop(scan: AnyScan, axes: Mapping[str, PlannedAxis], period_ns: int)
             )
     # The loop reads its commands ahead by the delay of each axis: the plan is not early by it.
     punctual = {name: axis._replace(delay_s=0.0) for name, axis in axes.items()}
-    return plan_scan(scan.model_copy(update={"interval_us": period_ns / 1000.0}), punctual)
+    plan = plan_scan(scan.model_copy(update={"interval_us": period_ns / 1000.0}), punctual)
+    if plan.steps and plan.sweeps > (most := _most_sweeps(plan)):
+        raise DataError(
+            f"a stack whose planes wait for edges is one request, of at most {most} planes (got "
+            f"{plan.sweeps}): scan it in parts"
+        )
+    return plan
 
 
 def run_by_loop(
@@ -146,9 +166,15 @@ def run_by_loop(
     delays_s = np.array([axis.compensator.sensor_delay_s for axis in axes])
     header, late = scan_header(scan, plan, (), setting), _Lateness()
     stage.begin()
-    sweeps = _swept(plan, stage, late)
-    done = store_frame(sweeps, plan, delays_s, header, setting.file, told)
+    if plan.edges is not None:
+        within_s = plan.edges.within_ns / NS_PER_S
+        told.note(f"the stage waits for edges of line {scan.edge}, {within_s:g} s for each")
+    sweeps = _swept(scan, plan, stage, late)
+    edges, file = late.edges, setting.file
+    done = store_frame(sweeps, plan, delays_s, header, file, told, lambda: edges)
     told.frame(done)
+    for note in pulse_notes(scan, plan, late.pulses):
+        told.note(note)
     if late.worst_ns:
         told.note(
             f"its cycles were late by at most {late.worst_ns / 1000:.4g} µs, "
@@ -158,10 +184,11 @@ def run_by_loop(
 
 
 class _Lateness:
-    """Largest and mean lateness of the cycles of a scan, in ns."""
+    """Largest and mean lateness of the cycles of a scan, in ns, its edges and its pulses."""
 
     def __init__(self) -> None:
         self.worst_ns, self._sum_ns, self._count = 0, 0.0, 0
+        self.edges, self.pulses = list[SeenEdge](), Counter[str]()
 
     @property
     def mean_ns(self) -> float:
@@ -172,22 +199,34 @@ class _Lateness:
         self._sum_ns, self._count = self._sum_ns + float(late_ns.sum()), self._count + late_ns.size
 
 
-def _swept(plan: ScanPlan, stage: LoopStage, late: _Lateness) -> Iterator[SweepSamples]:
+def _swept(
+    scan: AnyScan, plan: ScanPlan, stage: LoopStage, late: _Lateness
+) -> Iterator[SweepSamples]:
     """Follow the parts of a scan; yield the samples of each sweep."""
     for part in parts_of(plan):
         waveforms, duration_s = waveforms_of(plan, part)
-        cycles = stage.follow(waveforms, duration_s)
+        zero_s = HOLD_S - part.first * plan.interval_ns / NS_PER_S
+        cycles = stage.follow(waveforms, duration_s, lines_of(scan, plan, part.sweeps, zero_s))
+        zero_ns = s_to_ns(zero_s)
+        seen = (edge._replace(t_ns=edge.t_ns - zero_ns) for edge in cycles.edges)
+        late.edges += [edge for edge in seen if edge.used or edge.t_ns >= 0]
+        late.pulses.update(cycles.pulses)
+        first_ns = sweep_ns(plan, late.edges)
         for k in part.sweeps:
+            end_s = zero_s + (k * plan.points + plan.active - 1.5) * plan.interval_ns / NS_PER_S
+            if cycles.ended and cycles.t_s[-1] < end_s:
+                return
             samples, late_ns = sweep_of(plan, part, cycles, k)
             late.add(late_ns)
-            yield samples
+            yield samples._replace(first_ns=int(first_ns[k]))
 
 
 def parts_of(plan: ScanPlan) -> Iterator[ScanPart]:
     """Yield the parts of a scan, in order."""
-    points = len(_corners(plan, range(1), 0, plan.points)) * len(plan.axes)
     sweep_s = plan.points * plan.interval_ns / NS_PER_S
-    most = max(1, min(MOST_POINTS // points, int(MOST_PART_S / sweep_s)))
+    most = min(_most_sweeps(plan), max(1, int(MOST_PART_S / sweep_s)))
+    if plan.steps:
+        most = plan.sweeps  # between two parts nothing would wait
     for first in range(0, plan.sweeps, most):
         sweeps = range(first, min(first + most, plan.sweeps))
         end = (sweeps.stop - 1) * plan.points + plan.pause
@@ -196,9 +235,16 @@ def parts_of(plan: ScanPlan) -> Iterator[ScanPart]:
         yield ScanPart(sweeps, (first - 1) * plan.points + plan.pause, end)
 
 
+def _most_sweeps(plan: ScanPlan) -> int:
+    """Return how many sweeps fit into a request."""
+    points = len(_corners(plan, range(1), 0, plan.points)) * len(plan.axes)
+    return max(1, MOST_POINTS // points)
+
+
 def waveforms_of(plan: ScanPlan, part: ScanPart) -> tuple[dict[str, Points], float]:
     """Return the waveform of each axis in a part, and their duration, in s."""
-    at = _corners(plan, range(part.sweeps.start - 1, part.sweeps.stop), part.first, part.end)
+    end = part.end + plan.tail
+    at = _corners(plan, range(part.sweeps.start - 1, part.sweeps.stop), part.first, end)
     position_um = plan.positions_um(at)
     t_s = HOLD_S + (at - part.first) * plan.interval_ns / NS_PER_S
     waveforms = {

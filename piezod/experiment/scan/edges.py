@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from piezod.devices.player import SeenEdge
 from piezod.devices.scan_table import ScanTable
+from piezod.experiment.scan.plan import ScanPlan
 from piezod.units import NS_PER_S
 
 REGULAR = 1.5
@@ -16,11 +17,11 @@ REGULAR = 1.5
 _MOST_TOLD = 10
 
 
-def sweep_ns(table: ScanTable, edges: Sequence[SeenEdge]) -> NDArray[np.int64]:
+def sweep_ns(table: ScanTable | ScanPlan, edges: Sequence[SeenEdge]) -> NDArray[np.int64]:
     """Return the time of the first point of each sweep since that of the first one, in ns.
 
     Args:
-        table: The scan.
+        table: The scan, of a device or of the loop.
         edges: The edges that it has seen; sweeps behind the last one are left out.
     """
     first = np.arange(table.sweeps, dtype=np.int64) * table.points

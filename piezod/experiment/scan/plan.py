@@ -369,17 +369,17 @@ def _blend(scan: AnyScan, points: int, active: int, axes: Mapping[str, PlannedAx
 
 def _pulses(scan: AnyScan, points: int, active: int, pixels: int) -> tuple[Mask, int]:
     """Return the pulses of a sweep, and the bit of the frame."""
-    wanted = scan.pulses
-    if not wanted.highest:
+    numbers = scan.pulses.numbers
+    if not numbers:
         return np.empty(0, np.uint8), 0
     mask, per_pixel = np.zeros(points, np.uint8), active // pixels
     high = max(1, per_pixel // 2)
-    if wanted.pixel:
+    if pixel := numbers.get("pixel"):
         first_half = np.arange(active) % per_pixel < high
-        mask[:active][first_half] |= np.uint8(1 << (wanted.pixel - 1))
-    if wanted.line:
-        mask[:high] |= np.uint8(1 << (wanted.line - 1))
-    return mask, 1 << (wanted.frame - 1) if wanted.frame else 0
+        mask[:active][first_half] |= np.uint8(1 << (pixel - 1))
+    if line := numbers.get("line"):
+        mask[:high] |= np.uint8(1 << (line - 1))
+    return mask, 1 << (numbers["frame"] - 1) if "frame" in numbers else 0
 
 
 def _out_of_range(scan: AnyScan, plan: ScanPlan, axes: Mapping[str, PlannedAxis]) -> Iterator[str]:

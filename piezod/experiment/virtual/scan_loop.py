@@ -10,7 +10,9 @@ from piezod.config.scan import AnyScan
 from piezod.config.waveforms.paths import Points
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.reference.motion import MotionLimits, lead_in, rest_at, waveform_motion
+from piezod.errors import DataError
 from piezod.experiment.scan.by_loop import Cycles, plan_by_loop, run_by_loop
+from piezod.experiment.scan.loop_lines import PartLines
 from piezod.experiment.scan.plan import PlannedAxis
 from piezod.experiment.scan.run import ScanResult, ScanSetting, Told, planned_axis
 from piezod.experiment.virtual.identify import IdentifiedAxis, identify_axes
@@ -74,7 +76,12 @@ class VirtualLoopStage:
             for one, in_force_v in zip(identified.values(), stage.in_force_v, strict=True)
         ]
 
-    def follow(self, waveforms_um: Mapping[str, Points], duration_s: float) -> Cycles:
+    def follow(
+        self,
+        waveforms_um: Mapping[str, Points],
+        duration_s: float,
+        lines: PartLines,  # noqa: ARG002 - asked for by LoopStage; there are none
+    ) -> Cycles:
         """Go to the start of waveforms and follow them; return the cycles since their begin."""
         stage = self._stage
         built = {name: each.built(duration_s) for name, each in waveforms_um.items()}
@@ -117,6 +124,11 @@ def scan_by_virtual_loop(
         DeviceError: If a device cannot be opened, or refuses a voltage.
         ModelError: If a gain is not safe, or an axis oscillates.
     """
+    if scan.pulses.given or scan.waits:
+        raise DataError(
+            "scan: an experiment in virtual time has no lines of the loop: scan with --live, or "
+            "leave out pulses and edges"
+        )
     config = config.model_copy(update={"modes": (mode,)})
     with opened(config, lambda _: None) as stage:
         identified = identify_axes(stage, config)

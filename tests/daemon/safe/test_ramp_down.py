@@ -2,9 +2,11 @@
 
 from itertools import pairwise
 from math import isnan
+from pathlib import Path
 
 import pytest
 
+from piezod.config.daemon import load_daemon
 from piezod.control.guard import read_back_tolerance_v
 from piezod.daemon.last_output import stays
 from piezod.daemon.safe.ramp import AxisOutcome
@@ -14,6 +16,7 @@ from piezod.devices.interface import Identity
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
 from piezod.units import NS_PER_S
+from tests.daemon.daemons import configuration
 from tests.daemon.fake_amplifier import FakeAmplifier, plugin_of, stage_of
 
 
@@ -385,3 +388,15 @@ def test_voltage_that_rounds_to_zero_has_no_sign(bench: Bench) -> None:
 
     assert "0.00 V read back" in outcome.why
     assert "-0.00" not in outcome.why + stays(-0.001)
+
+
+def test_stage_with_lines_is_ramped(tmp_path: Path) -> None:
+    """Its digital outputs are set with the voltages, its inputs are not read."""
+    path = configuration(tmp_path)
+    lines = "{a: {device: rig, input: 'line:camera'}, b: {device: rig, output: 'line:1'}}"
+    with path.open("a", encoding="utf-8") as file:
+        file.write(f"\nlines: {lines}\n")
+    config = load_daemon(path, registry)
+    (outcome,) = ramp_down(config, Noted({}, {}), 1.0, FakeClock(0), confirmed=True).values()
+
+    assert (outcome.why, outcome.written_v) == ("", 0.0)

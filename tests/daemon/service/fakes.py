@@ -25,6 +25,7 @@ from piezod.daemon.stage.running_stage import RunningStage
 from piezod.messages.answers import AxisStatus, Fault, Faults, Health, Realtime, Status
 from piezod.messages.documents import Document
 from piezod.messages.endpoints import Role
+from piezod.messages.recording_edge import RecordingEdge
 from piezod.messages.requests import Request
 from piezod.messages.stores import (
     Audit,
@@ -157,9 +158,10 @@ class FakeStage(RunningStage):
         peer: Peer,  # noqa: ARG002 - a protocol
         *,
         start_s: float | None = None,
+        edge: RecordingEdge | None = None,
     ) -> Recording:
         self.recording_starts_s = start_s
-        return Recording(True, f"20261121T120000Z-{label}")
+        return Recording(True, f"20261121T120000Z-{label}", armed=edge is not None)
 
     async def stop_recording(self, peer: Peer) -> Recording:  # noqa: ARG002 - a protocol
         self.recordings_stopped += 1

@@ -51,6 +51,17 @@ def test_recording_is_started_and_stopped(client: httpx.Client) -> None:
     assert (stopped["name"], stopped["records"], stopped["lost"]) == (NAME, 5, 0)
 
 
+def test_recording_waits_for_an_edge(client: httpx.Client) -> None:
+    """The answer says that it is armed; an instant and an edge exclude each other."""
+    edge = {"line": "exposed", "before_s": 2.5}
+    started = client.post("recordings/start", json={"label": "a", "edge": edge})
+    both = client.post("recordings/start", json={"edge": edge, "start_s": 1e6})
+    longer = client.post("recordings/start", json={"edge": {**edge, "before_s": 60}})
+
+    assert started.json()["armed"]
+    assert (both.status_code, longer.status_code) == (422, 422)
+
+
 @pytest.mark.fault("C7")
 @pytest.mark.parametrize("label", ["../a", "a/b", "a b", "", "a" * 33, "a\n", ".a"])
 def test_label_is_no_path(client: httpx.Client, label: str) -> None:

@@ -12,6 +12,7 @@ from piezod.config.daemon import RecordingsConfig
 from piezod.config.model_file import dump_model, load_model
 from piezod.config.states import State
 from piezod.daemon.stage.errors import BadValueError, NotNowError, UnknownNameError
+from piezod.messages.recording_edge import RecordingEdge
 from piezod.records.recording.reader import read_telemetry
 from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.events import EventWriter
@@ -76,6 +77,15 @@ def test_recording_begins_at_its_instant(bench: Bench) -> None:
     assert header.start_ns == round(start_s * 1e9)
     with pytest.raises(BadValueError, match="start_s has passed"):
         asyncio.run(bench.link.start_recording(None, PEER, start_s=start_s - 21.0))
+
+
+def test_stage_without_the_line_refuses_to_wait_for_its_edge(bench: Bench) -> None:
+    """The refusal names the lines of the stage, and what to do."""
+    edge = RecordingEdge(line="exposed")
+    with pytest.raises(BadValueError, match=r"no line 'exposed': the stage has none.*`lines:`"):
+        asyncio.run(bench.link.start_recording(None, PEER, edge=edge))
+
+    assert bench.link.stage_recordings.running_name == ""
 
 
 def test_recording_that_was_ready_too_late_is_refused(

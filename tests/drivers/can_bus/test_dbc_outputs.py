@@ -14,6 +14,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.dbc.dialogue import DbcDialogue
 from piezod_drivers.can_bus.dbc.options import DbcOptions
+from piezod_drivers.can_bus.dbc.used_signals import UsedSignals
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.serial_line.scripted_line import MS
@@ -207,3 +208,20 @@ def test_device_with_only_inputs_in_use_gets_no_command(request_: str | None) ->
     device.close()
 
     assert not amplifier.commands
+
+
+def test_digital_output_needs_no_read_back() -> None:
+    """A bit beside a voltage that is read back is a line of the loop, whose value is unknown."""
+    options = _options()
+    options["messages"]["Command"]["signals"]["Shutter"] = {"start": 40, "bits": 1}
+    options["outputs"]["shutter"] = {"message": "Command", "signal": "Shutter"}
+    used = DbcOptions.model_validate(options)
+    both = UsedSignals(used, Wiring(("p",), ("a", "shutter")))
+    alone = UsedSignals(used, Wiring(("p",), ("b", "a", "shutter")))
+
+    assert both.reads_back
+    assert [place is None for place in both.read_backs] == [False, True]
+    assert alone.ranges[2] == (0.0, 1.0)
+    options["outputs"]["a"].pop("read_back")
+    bare = DbcOptions.model_validate(options)
+    assert not UsedSignals(bare, Wiring(("p",), ("a", "b", "shutter"))).reads_back

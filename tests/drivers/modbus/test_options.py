@@ -65,7 +65,7 @@ def test_a_status_may_be_about_an_input_or_an_output_or_all() -> None:
     ("row", "what"),
     [
         (INPUT | {"channel": None}, "give the channel a name"),
-        (INPUT | {"table": "coil"}, "only a status can be a coil"),
+        (INPUT | {"table": "coil", "scale": 2.0}, "a bit is 0 or 1"),
         (INPUT | {"scale": 0.0}, "too small"),
         (INPUT | {"range": (1.0, 1.0)}, "must be above the first"),
         (INPUT | {"address": 65_535, "type": "int32"}, "two words does not fit there"),

@@ -11,6 +11,7 @@ from piezod.config.waveforms.paths import Points
 from piezod.errors import DataError
 from piezod.experiment.live.scan_loop import RunningLoopStage
 from piezod.experiment.live.stage import LiveStage
+from piezod.experiment.scan.loop_lines import PartLines
 from piezod.records.recording.header import TelemetryHeader
 from piezod.records.recording.reader import RecordedTelemetry
 
@@ -58,7 +59,9 @@ def stage(cycles: int = 200, off_um: float = 0.0) -> tuple[RunningLoopStage, lis
     followed = list[Any]()
     fake = SimpleNamespace(
         recorder=FakeRecorder(cycles, off_um),
-        follow=lambda waves, duration_s, _mode: followed.append((waves, duration_s)),
+        follow=lambda waves, duration_s, _mode, lines=None: followed.append(
+            (waves, duration_s, lines)
+        ),
     )
     return RunningLoopStage(cast("LiveStage", fake), Mode.TRIMMED, ("x", "y")), followed
 
@@ -66,10 +69,10 @@ def stage(cycles: int = 200, off_um: float = 0.0) -> tuple[RunningLoopStage, lis
 def test_cycles_begin_with_the_waveforms() -> None:
     """All axes are at the start before; each sample has its own instant."""
     on, followed = stage()
-    cycles = on.follow(WAVES, 0.1)
+    cycles = on.follow(WAVES, 0.1, PartLines())
 
     assert [wave.level for wave in followed[0][0].values()] == [1.0, 5.0]
-    assert followed[1] == (WAVES, 0.1)
+    assert followed[1] == (WAVES, 0.1, PartLines())
     assert cycles.t_s[[0, 50]] == pytest.approx([0.0, 0.05])
     assert cycles.sample_s[50] == pytest.approx([0.05, 0.0497])
     assert cycles.position_um[50] == pytest.approx([2.1, 4.6])
@@ -84,4 +87,4 @@ def test_another_recording_is_refused(given: tuple[int, float], words: str) -> N
     """One without the start or the end, or with another command."""
     on, _ = stage(*given)
     with pytest.raises(DataError, match=words):
-        on.follow(WAVES, 0.1)
+        on.follow(WAVES, 0.1, PartLines())

@@ -121,7 +121,7 @@ class DbcDialogue(BaseDialogue):
         # The exchange of this cycle has read them already, if the instants are equal.
         if self._read_ns != now_ns:
             self._ask((), now_ns)
-        return [self._value(place) for place in self._signals.read_backs]
+        return [nan if place is None else self._value(place) for place in self._signals.read_backs]
 
     def flags(self) -> Sequence[Flags]:
         """Return the faults whose signals are not 0, for every channel. Real-time safe."""

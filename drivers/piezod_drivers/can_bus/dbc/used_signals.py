@@ -61,10 +61,14 @@ class UsedSignals:
         )
         self.ranges = [self._message(one).signals[one.signal].range for one in outputs]
         self.inputs = [self._place(options.inputs[name]) for name in wiring.inputs]
-        self.read_backs = [
-            self._place(read_back) for read_back in read_backs if read_back is not None
+        self.read_backs = [each if each is None else self._place(each) for each in read_backs]
+        # A digital output need not be read back; it is a line of the loop.
+        asked = [
+            place is not None
+            for output, place in zip(outputs, self.read_backs, strict=True)
+            if place is not None or self._message(output).signals[output.signal].bits > 1
         ]
-        self.reads_back = bool(outputs) and len(self.read_backs) == len(outputs)
+        self.reads_back = bool(asked) and all(asked)
         self.flags = [(flag_of(name), *self._place(one)) for name, one in options.flags.items()]
         sent = {output.message for output in outputs} | {options.request} - {None}
         self.sent = {self._messages[name].id: self._make_sent(name) for name in sent if name}
@@ -75,7 +79,8 @@ class UsedSignals:
         ):
             self.sent[identifier].prepare(signal)
         held_outputs = [fill.read_back for fill in self.held_outputs]
-        needed = [identifier for identifier, _ in (*self.inputs, *self.read_backs, *held_outputs)]
+        told = [place for place in self.read_backs if place is not None]
+        needed = [identifier for identifier, _ in (*self.inputs, *told, *held_outputs)]
         self.answers = frozenset(needed)
         # Flags are read if they come, but nothing waits for them.
         received = self.answers | {identifier for _, identifier, _ in self.flags}
