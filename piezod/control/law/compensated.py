@@ -184,7 +184,9 @@ def _identifier(
         LearningGate(period_ns, latency_ns=s_to_ns(config.compensator.sensor_delay_s)),
         creep,
         modal,
-        ModelErrors(model.form, first, adaptation, creep.memory),
+        ModelErrors(
+            model.form, first, adaptation, creep.memory, lag_known=config.response is not None
+        ),
     )
 
 

@@ -154,11 +154,19 @@ class ModelErrors:
         first: The identified model; it may change in place.
         learned: What learns; its weights change in place.
         memory: Memory of the hysteresis at the start; None for a relaxed one.
+        lag_known: Whether a response tells lag and modes, so that they explain no error.
     """
 
     def __init__(
-        self, form: ModelForm, first: LearnedModel, learned: Adaptable, memory: Memory | None
+        self,
+        form: ModelForm,
+        first: LearnedModel,
+        learned: Adaptable,
+        memory: Memory | None,
+        *,
+        lag_known: bool = False,
     ) -> None:
+        self._lag_known = lag_known
         of_first, of_learned = form.past(first.weights), form.past(learned.weights)
         if memory is not None:
             of_first.take_over(memory)
@@ -186,7 +194,9 @@ class ModelErrors:
         # A slow sensor tells a sample again: the drive has not stopped.
         if change == change and (change or not again):  # noqa: PLR0124 - not NaN
             bend, late = change - self.change, UNKNOWN_LAG_CYCLES * change
-            self.of_lag, self.change = late * late + bend * bend, change
+            self.change = change
+            if not self._lag_known:
+                self.of_lag = late * late + bend * bend
         self._drive, self._position = drive, position
         self.first = position - crept - self._step_first(drive)
         shown = self._step_learned(drive) + crept + self._learned.offset

@@ -133,6 +133,18 @@ def test_lag_changes_the_displacement_with_speed_and_its_change() -> None:
     assert of_lag == pytest.approx([0.0, 0.0, 1.01e-4, 1e-6, 4.01e-4])
 
 
+def test_lag_that_a_response_tells_explains_nothing() -> None:
+    """All that a fast sine teaches is of the model."""
+    adaptation = NLMSIdentifier(BANK, gain=0.5)
+    adaptation.adopt(WEIGHTS)
+    first = LearnedModel(WEIGHTS.copy())
+    errors = ModelErrors(FORM, first, adaptation, None, lag_known=True)
+    for drive in (0.5, 0.52, 0.56):
+        errors.follow(drive, 0.5, 0.0)
+
+    assert (errors.of_lag, errors.change) == (0.0, pytest.approx(0.04))
+
+
 def test_sample_that_is_told_again_is_no_stop_of_the_drive() -> None:
     """The lag behind a slow sensor is that of its own samples."""
     adaptation = NLMSIdentifier(BANK, gain=0.5)
