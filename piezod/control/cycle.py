@@ -92,10 +92,6 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         read = (readings, samples)
         samples, slew_halved = _watch(stage, loop_watch, t_ns, read, read_back_v, timing)
 
-    lines = None if stage is None else stage.lines()
-    if stage is not None and lines is not None:
-        _follow_lines(stage, lines, t_ns)
-
     # Reference, compensate: the command of each axis, and the voltage that should follow it.
     outputs = [axis.update(t_ns, samples[i]) for i, axis in enumerate(axes)]
     asked_v = [output.drive_v for output in outputs]
@@ -112,6 +108,9 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     )
     drive_v, held = admitted.drive_v, admitted.held
     written = _write(parts, admitted, t_ns)
+    lines = None if stage is None else stage.lines()
+    if lines is not None:
+        devices.set_lines(t_ns)
 
     if admitted.range_limited or admitted.slew_limited:
         _mark_limited(outputs, admitted)
@@ -161,6 +160,8 @@ def _watch(
         # React: change the state, then take the edges that time and devices cause.
         react(stage, reaction, t_ns)
         advance(stage, t_ns, _shown(read, usable), read_back_v)
+        if (lines := stage.lines()) is not None:
+            _follow_lines(stage, lines, t_ns)
         return usable, overloaded_axes(stage)
     except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
         return _hold_after_crash(stage, t_ns, read[1], error), ()

@@ -78,6 +78,9 @@ class IdealDevices:
         self._drive_v = list(drive_v)
         return True
 
+    def set_lines(self, now_ns: int, *, at_rest: bool) -> None:
+        """Do nothing."""
+
     def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the same
         """Return the last write."""
         return self._drive_v

@@ -74,14 +74,17 @@ class Channels:
         self._devices = devices
         self._sensors: list[SensorRole] = []
         self._amplifiers: list[AmplifierRole] = []
+        self._line_devices: list[AmplifierRole] = []  # they drive no axis
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
         self._status_sources: list[
             tuple[TellsStatus, list[tuple[int, int]], list[tuple[int, int]]]
         ] = []
         for name, device in devices.items():
             self._assign_roles(name, device)
-        # A device of lines alone must not delay the write of a voltage.
-        self._amplifiers.sort(key=lambda role: not role.axes)
+        self._lines_low = [True] * len(self._line_devices)  # as far as we have set them
+        of_lines = [role.amplifier for role in self._line_devices]
+        # At an end a device of lines alone must not delay a voltage.
+        self._ending = sorted(devices.values(), key=lambda device: device in of_lines)
         self._find_ages()
         measured = sum(len(of.plain) + len(of.calibrated) for of in self._sensors)
         self._all_measured = measured == len(self._axes)
@@ -111,7 +114,8 @@ class Channels:
             driven_axes = [axis for _, axis in driven]
             outputs = [self._outputs[axis] for axis in driven_axes]
             set_lines = [i for i, line in lines if line.output]
-            self._amplifiers.append(AmplifierRole(device, driven_axes, outputs, set_lines))
+            roles = self._amplifiers if driven else self._line_devices
+            roles.append(AmplifierRole(device, driven_axes, outputs, set_lines))
         if isinstance(device, TellsStatus):
             # A status lists inputs, then outputs: of the device's channels, and of our axes.
             after_inputs = len(wiring.inputs)
@@ -140,7 +144,7 @@ class Channels:
     def capabilities(self) -> Capabilities:
         """Return the common capabilities of all devices."""
         each = [device.capabilities() for device in self._devices.values()]
-        driving = [role.amplifier.capabilities() for role in self._amplifiers if role.axes]
+        driving = [role.amplifier.capabilities() for role in self._amplifiers]
         # `all` for a service that must not be missing on any device; `any` for a property that the
         # caller must take care of even if only one device has it.
         return Capabilities(
@@ -188,8 +192,20 @@ class Channels:
             device.activate(now_ns)
 
     def deactivate(self, now_ns: int) -> None:
-        """Bring the outputs of every device to rest, even if one driver fails."""
-        self._for_each_device(lambda device: device.deactivate(now_ns))
+        """Bring the outputs of every device to rest, even if one driver fails.
+
+        Lines of devices that drive no axis are low then.
+        """
+        self._line_high[:] = [False] * len(self._line_high)
+
+        def bring_to_rest(device: Device) -> None:
+            for place, role in enumerate(self._line_devices):
+                if role.amplifier is device:
+                    with suppress(Exception):  # it has to be deactivated nevertheless
+                        self._set_lines_of(place, now_ns, at_rest=True)
+            device.deactivate(now_ns)
+
+        self._for_each_device(bring_to_rest)
 
     def close(self) -> None:
         """Make the outputs of every device safe and release it, even if one driver fails."""
@@ -268,7 +284,7 @@ class Channels:
             now_ns: Instant of the cycle, in ns.
 
         Returns:
-            Whether every device that drives an axis, and was written, accepted its values.
+            Whether every device that was written accepted its values.
         """
         accepted, whole = True, not isnan(sum(drive_v))
         for amplifier, axes, outputs, lines in self._amplifiers:
@@ -283,17 +299,36 @@ class Channels:
                 values.append(float(self._line_high[line]))
             # No early return: the axes of the other devices must not miss their setpoints.
             taken = amplifier.write(values, now_ns)
-            accepted &= taken or not axes
+            accepted &= taken
             for line in lines:
                 self._line_unknown[line] = not taken
         return accepted
+
+    def set_lines(self, now_ns: int, *, at_rest: bool) -> None:
+        """Set the lines of devices that drive no axis. Real-time safe.
+
+        Args:
+            now_ns: Instant of the cycle, in ns.
+            at_rest: Whether to leave devices alone whose lines are low already.
+        """
+        for place in range(len(self._line_devices)):
+            self._set_lines_of(place, now_ns, at_rest=at_rest)
+
+    def _set_lines_of(self, place: int, now_ns: int, *, at_rest: bool) -> None:
+        if at_rest and self._lines_low[place]:
+            return
+        amplifier, _, _, lines = self._line_devices[place]
+        values = [float(self._line_high[line]) for line in lines]
+        self._lines_low[place] = False
+        taken = amplifier.write(values, now_ns)
+        self._lines_low[place] = taken and not any(values)
+        for line in lines:
+            self._line_unknown[line] = not taken
 
     def read_back(self, now_ns: int) -> list[float]:
         """Return the read-back voltage of each axis, in V. Real-time safe."""
         drive_v = [nan] * len(self._axes)
         for amplifier, axes, outputs, lines in self._amplifiers:
-            if not axes:
-                continue
             values = amplifier.read_back(now_ns)
             if len(values) != len(axes) + len(lines):
                 raise DeviceError(f"{len(values)} voltages were read back, not {len(axes)}")
@@ -360,7 +395,7 @@ class Channels:
     def _for_each_device(self, do: Callable[[Device], None]) -> None:
         """Call a function for every device; raise the first failure after all calls."""
         failures = []
-        for device in self._devices.values():
+        for device in self._ending:
             try:
                 do(device)
             except BaseException as failure:  # noqa: BLE001 - raised below

@@ -49,6 +49,9 @@ class FakeDevices:
         self.log.append(f"read at {now_ns}")
         return self.samples
 
+    def set_lines(self, now_ns: int, *, at_rest: bool) -> None:
+        """Do nothing."""
+
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the voltages that were taken last."""
         self.log.append(f"read back at {now_ns}")

@@ -54,6 +54,7 @@ def test_voltages_are_written_before_a_device_of_lines_alone() -> None:
     made.levels.high[:] = [True, False, True]
 
     assert made.write([7.0], 0)
+    made.set_lines(0, at_rest=False)
     assert log == [[7.0, 1.0], [1.0]]
     assert made.read_back(0) == [7.0]
 
@@ -62,12 +63,39 @@ def test_refused_lines_refuse_no_voltage() -> None:
     """The line is unknown until a write of it is taken."""
     made, devices, _ = channels()
     devices["io"].refusing = True
+    made.set_lines(0, at_rest=False)
     refused = made.write([7.0], 0), list(made.levels.unknown)
     devices["io"].refusing = False
+    made.set_lines(0, at_rest=False)
     taken = made.write([7.0], 0), list(made.levels.unknown)
 
     assert refused == (True, [True, False, False])
     assert taken == (True, [False, False, False])
+
+
+def test_high_line_goes_low_at_rest_and_is_left_alone_then() -> None:
+    """A refused write is tried again, also where no voltage is written."""
+    made, devices, log = channels()
+    made.levels.high[:] = [True, False, False]
+    made.set_lines(0, at_rest=False)
+    made.levels.high[:] = [False, False, False]
+    devices["io"].refusing = True
+    made.set_lines(1, at_rest=True)
+    devices["io"].refusing = False
+    for t_ns in range(2, 5):
+        made.set_lines(t_ns, at_rest=True)
+
+    assert log == [[1.0], [0.0], [0.0]]
+
+
+def test_lines_are_low_after_deactivation() -> None:
+    """The cut of an emergency stop deactivates all devices in the middle of a pulse."""
+    made, _, log = channels()
+    made.levels.high[:] = [True, False, False]
+    made.set_lines(0, at_rest=False)
+    made.deactivate(1)
+
+    assert log == [[1.0], [0.0]]
 
 
 def test_device_of_lines_says_nothing_of_the_axes() -> None:

@@ -3,7 +3,6 @@
 from itertools import chain
 from math import inf
 
-from piezod.devices.player import SeenEdge
 from piezod.messages.requests import LineEdges
 from piezod.units import NS_PER_S, s_to_ns
 
@@ -25,26 +24,27 @@ class EdgeClock:
         self._high: bool | None = None
         self.waiting = self.ended = False
         """Whether it waits for an edge, and whether it has ended because none came."""
-        self.seen: list[SeenEdge] = []
-        """The rising edges so far; times are since the start of the motion, in ns."""
 
-    def advance(self, t_ns: int, *, high: bool) -> None:
-        """Take the level of the line in a cycle, at a time since the start, in ns."""
+    def advance(self, t_ns: int, *, high: bool) -> bool | None:
+        """Take the level of the line in a cycle, at a time since the start, in ns.
+
+        Returns:
+            Whether it has waited for the rising edge of this cycle; None without an edge.
+        """
         rises = high and self._high is False
         self._high = high
         over_ns = t_ns - self._held_ns - self._gate_ns
         self.waiting = over_ns >= 0
         if self.ended:
-            return
-        if rises:
-            self.seen.append(SeenEdge(t_ns, self.waiting))
+            return None
         if not self.waiting:
-            return
+            return False if rises else None
         if rises:
             self._held_ns += int(over_ns)
             self._gate_ns, self.waiting = next(self._gates), False
-        else:
-            self.ended = over_ns > self._within_ns
+            return True
+        self.ended = over_ns > self._within_ns
+        return None
 
     def at_ns(self, t_ns: float) -> float:
         """Return the time of the motion, in ns."""

@@ -52,6 +52,13 @@ class StageDevices(TellsStatus, Protocol):
         """
         ...
 
+    def set_lines(self, now_ns: int, *, at_rest: bool) -> None:
+        """Set the lines of devices that drive no axis. Real-time safe.
+
+        Those that are low already are left alone at rest.
+        """
+        ...
+
     def activate(self, now_ns: int) -> None:
         """Make every device ready for cyclic calls."""
         ...
@@ -182,6 +189,15 @@ class DeviceBoundary:
         else:
             self.sent_v = _with_held(drive_v, before_v, held)
         return taken
+
+    def set_lines(self, now_ns: int) -> None:
+        """Set the lines of devices that drive no axis; only to low where no voltage is written."""
+        if self.shadow or self.lent or not self.active:
+            return
+        try:
+            self.devices.set_lines(now_ns, at_rest=not self.open)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            self.crash = error
 
     def forget_written(self) -> None:
         """Forget the last writes: something else may have changed the outputs since."""

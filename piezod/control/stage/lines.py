@@ -24,6 +24,11 @@ class _Train:
         self._every_ns, self._high_ns = s_to_ns(pulses.every_s), s_to_ns(pulses.high_s)
         self._sent, self._ends_ns = 0, 0.0
 
+    @property
+    def over(self) -> bool:
+        """Whether all pulses have begun."""
+        return self._sent >= self._times * len(self._begins_ns)
+
     def is_high(self, t_ns: float, *, was_high: bool) -> bool:
         """Return the level in a cycle, at a time of the motion; `was_high` is the one before."""
         if was_high:  # a cycle of low level ends it
@@ -70,6 +75,11 @@ class StageLines:
         self._program: _Program | None = None
 
     @property
+    def busy(self) -> bool:
+        """Whether a motion uses them that goes on."""
+        return self._program is not None
+
+    @property
     def mask(self) -> int:
         """Bit mask of the lines that are high."""
         return sum(high << i for i, high in enumerate(self._levels.high))
@@ -84,6 +94,9 @@ class StageLines:
                 return f"no line {name!r}, the stage has {', '.join(self._names)}"
             if sets and line.output is None:
                 return f"line {name} is an input, which nothing can set: name an output"
+        pulsing = [name for name, sets in wanted if sets]
+        if twice := {name for name in pulsing if pulsing.count(name) > 1}:
+            return f"line {min(twice)} has two lists of pulses: give one, with all of begins_s"
         return ""
 
     def begin(self, request: Wave, axis: StageAxis, t_ns: int, begins_ns: int) -> EdgeClock | None:
@@ -133,6 +146,12 @@ class StageLines:
         for train in program.trains:
             was_high = high[train.line]
             high[train.line] = not still and train.is_high(since_ns, was_high=was_high)
+        goes_on = any(high[train.line] or not train.over for train in program.trains)
+        if clock is not None and clock.ended:
+            goes_on = False
+        if not (goes_on or program.axis.way_s(t_ns)):
+            self._clear()
+            return ""
         return self._lost(program, t_ns)
 
     def _lost(self, program: _Program, t_ns: int) -> str:
@@ -149,7 +168,9 @@ class StageLines:
         return ""
 
     def _clear(self) -> None:
-        """Set all outputs low with the next write."""
+        """Set all outputs low with the next write; nothing waits for an edge any more."""
+        if self._program is not None and self._program.clock is not None:
+            self._program.clock.ended = True
         self._program = None
         for i, line in enumerate(self._config.values()):
             if line.output is not None:

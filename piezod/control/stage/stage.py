@@ -351,6 +351,10 @@ class Stage:
     def _enter_axes(self, state: State, t_ns: int) -> None:
         """Start what the axes drive in a new state."""
         paused = state is State.HOLD and self._hold_cause is HoldCause.LATENESS
+        if paused and self._lines is not None and self._lines.busy:
+            paused = False  # it cannot go on: its pulses and its edges would be lost meanwhile
+            text = "late cycles end the movement, because lines are in step with it: begin it again"
+            self.note(StageEvent(t_ns, "warning", "line", text))
         for axis in self.axes:
             if state is State.RUN:
                 axis.rejoin(t_ns)

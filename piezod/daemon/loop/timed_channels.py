@@ -71,6 +71,14 @@ class TimedChannels:
         finally:
             self.write_ns += self._now_ns() - begin_ns
 
+    def set_lines(self, now_ns: int, *, at_rest: bool) -> None:
+        """Set the lines of devices that drive no axis. Real-time safe."""
+        begin_ns = self._now_ns()
+        try:
+            self._devices.set_lines(now_ns, at_rest=at_rest)
+        finally:
+            self.write_ns += self._now_ns() - begin_ns
+
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         """Use these displacements as zero from now on, in µm."""
         self._devices.zero(zero_um, true_zero_um)

@@ -137,21 +137,22 @@ class Recorder:
         header: TelemetryHeader,
         make: Callable[..., RecordedFiles],
     ) -> None:
-        events = self._stage.open_events()  # what happened before the edge is in the file, too
-        while not source.seek(MAX_RECORDS):
-            if self._ending.wait(DRAIN_S):
-                why = f"line {trigger.line} had no rising edge: there is no file"
-                self._set_status(replace(self.status, recording=False, armed=False, why=why))
-                return
-        stage = self._stage._replace(open_reader=lambda: source, open_events=lambda: events)
         try:
+            events = self._stage.open_events()  # what happened before the edge is in the file, too
+            while not source.seek(MAX_RECORDS):
+                if self._ending.wait(DRAIN_S):
+                    self._end_armed(f"line {trigger.line} had no rising edge: there is no file")
+                    return
+            stage = self._stage._replace(open_reader=lambda: source, open_events=lambda: events)
             files = make(stage, header=_begun_at(header, trigger, source.edge_ns))
-        except OSError as error:
-            why = f"the file cannot be made: {error}"
-            self._set_status(replace(self.status, recording=False, armed=False, why=why))
+        except Exception as error:  # noqa: BLE001 - the status must report any end of the thread
+            self._end_armed(f"the file cannot be made: {error}")
             return
         self._set_status(replace(self.status, armed=False))
         self._record(files, source)
+
+    def _end_armed(self, why: str) -> None:
+        self._set_status(replace(self.status, recording=False, armed=False, why=why))
 
     def _record(self, files: RecordedFiles, source: EdgeSource | None = None) -> None:
         failure = _failure_of(lambda: self._copy_until_end(files, source))

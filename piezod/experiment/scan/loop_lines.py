@@ -111,11 +111,13 @@ def followed(edges: LineEdges | None, since_ns: NDArray[np.int64], high: Any) ->
     """
     if edges is None:
         return Followed(since_ns / NS_PER_S)
-    clock, t_s = EdgeClock(edges, 0), [0.0]
+    clock, t_s, seen = EdgeClock(edges, 0), [0.0], list[SeenEdge]()
     for t_ns, level in zip(since_ns[1:].tolist(), high[1:].tolist(), strict=True):
-        clock.advance(t_ns, high=bool(level))
+        used = clock.advance(t_ns, high=bool(level))
+        if used is not None:
+            seen.append(SeenEdge(t_ns, used))
         t_s.append(clock.at_ns(t_ns) / NS_PER_S)
-    return Followed(np.array(t_s), tuple(clock.seen), clock.ended)
+    return Followed(np.array(t_s), tuple(seen), clock.ended)
 
 
 def pulse_notes(scan: AnyScan, plan: ScanPlan, counted: Mapping[str, int]) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import groupby, pairwise
+from math import nan
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -12,6 +13,8 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.control.assembly import assemble
 from piezod.control.cycle import PUNCTUAL
+from piezod.control.stage.lines import StageLines
+from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.loop import accept
 from piezod.daemon.loop.devices import make_channels
 from piezod.messages import requests as rq
@@ -175,6 +178,7 @@ def test_motion_ends_without_an_edge(io: tuple[Any, LineStage]) -> None:
     [
         ({"pulses": ({**pulses(0.0), "line": "laser"},)}, "exposed, shutter"),
         ({"pulses": ({**pulses(0.0), "line": "exposed"},)}, "name an output"),
+        ({"pulses": (pulses(0.0), pulses(0.5))}, "begins_s"),
         ({"edges": {"line": "laser", "first_s": 0.5, "within_s": 5.0}}, "exposed, shutter"),
     ],
 )
@@ -232,3 +236,68 @@ def test_motion_of_another_request_sets_the_lines_low(io: tuple[Any, LineStage])
 
     assert last.lines & 2 == 0
     assert not node.levels[-1]
+
+
+def test_lost_amplifier_sets_the_lines_low(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In BLIND no voltage is written, but a shutter must not stay open."""
+    with modbus_lines() as (node, device):
+        stage = LineStage(tmp_path, device).armed()
+        assert not stage.ask(wave(pulses=(pulses(0.0, high_s=5.0),)))
+        stage.run(20)
+        assert node.levels[-1]
+        monkeypatch.setattr(stage.channels.devices["rig"], "read_back", lambda _now_ns: [nan])
+        last = stage.run(50)[-1]
+        stage.channels.close()
+
+    assert last.state is State.BLIND
+    assert not node.levels[-1]
+
+
+def test_device_that_is_lost_after_the_motion_ends_nothing(tmp_path: Path) -> None:
+    """A stage that rests at the end of a motion does not need its lines any more."""
+    with can_lines() as (node, device):
+        stage = LineStage(tmp_path, device).armed()
+        assert not stage.ask(wave(pulses=(pulses(0.1),)))
+        stage.run(200)
+        node.gone.set()
+        last = stage.run(30)[-1]
+        stage.channels.close()
+
+    assert last.state is State.RUN
+
+
+def test_late_cycles_end_a_motion_with_lines(io: tuple[Any, LineStage]) -> None:
+    """Its pulses would be lost in the pause, and nobody would know."""
+    node, stage = io
+    assert not stage.ask(wave(pulses=(pulses(0.0, every_s=0.1, times=14),)))
+    stage.run(50)
+    for _ in range(30):
+        stage.t_ns += 4 * NS_PER_S // RATE_HZ
+        late = CycleTiming(9_000_000, 3, 20_000_000, 0, 0)
+        stage.records.append(stage.controller.cycle(stage.t_ns, late))
+    held_um = stage.records[-1].axes[0].position_um
+    last = stage.run(400)[-1]
+
+    assert State.HOLD in {record.state for record in stage.records}
+    assert last.state is State.RUN
+    assert last.axes[0].command_um == pytest.approx(held_um, abs=0.3)
+    assert any("lines are in step" in text for text in stage.events)
+    assert not node.levels[-1]
+
+
+def test_mistake_in_the_lines_holds_the_voltages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is a fault of the stage; the loop goes on, and ramps down."""
+
+    def fails(*_: Any, **__: Any) -> str:
+        raise ValueError("a mistake")
+
+    with modbus_lines() as (_, device):
+        stage = LineStage(tmp_path, device).armed()
+        monkeypatch.setattr(StageLines, "advance", fails)
+        last = stage.run(500)[-1]
+        stage.channels.close()
+
+    assert last.state in {State.HOLD, State.RAMP, State.SAFE, State.FAULT}
+    assert any("a mistake" in text for text in stage.events)

@@ -10,6 +10,7 @@ import pytest
 from piezod.daemon.stores.edge_source import Trigger
 from piezod.daemon.stores.recorder import Recorder
 from piezod.records.recording.reader import read_telemetry
+from piezod.telemetry.arrays import Records
 from piezod.telemetry.record import StageEvent
 from tests.daemon.fake_ring import FakeRing
 from tests.daemon.waiting import eventually
@@ -91,3 +92,18 @@ def test_another_recording_follows_one_that_an_edge_has_ended(
     eventually(lambda: recorder.status.records == 10)
 
     assert recorder.stop().why == ""
+
+
+def test_failure_before_the_file_is_told(ring: FakeRing, tmp_path: Path) -> None:
+    """The recorder is free again, whatever ends the wait."""
+
+    def fails(_count: int) -> Records:
+        raise ValueError("the ring is gone")
+
+    recorder = Recorder(ring.stage._replace(last=fails), tmp_path / "recordings", lambda _: "")
+    recorder.start(header(), trigger=Trigger("exposed", 0, 1.0, None))
+    ring.run(4000)
+    eventually(lambda: not recorder.status.recording)
+
+    assert not recorder.status.armed
+    assert "the ring is gone" in recorder.stop().why

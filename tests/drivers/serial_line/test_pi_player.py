@@ -5,7 +5,7 @@ import pytest
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
-from piezod.devices.player import AtEnd, PlayState, Table
+from piezod.devices.player import AtEnd, Comparison, PlayState, Table
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.pi_gcs2.driver import make_device
 from tests.drivers.play_bench import played
@@ -62,6 +62,17 @@ def test_two_axes_are_played_in_step() -> None:
     record = bench.device.recording()
     assert record.outputs == pytest.approx(played(loaded), abs=1e-5)
     assert record.positions[1:] == pytest.approx(played(loaded)[:-1] * 0.2, abs=1e-5)
+
+
+def test_stop_ends_the_comparison() -> None:
+    """A line that pulses at positions does not go on while the loop moves the axis."""
+    bench = play_bench(trigger_outputs=3)
+    bench.start(sine()._replace(compared=Comparison(3, 0, 2.0, 9.0, 0.5)))
+    bench.line.sent.clear()
+    bench.device.abort(bench.time.t_ns)
+    bench.device.progress(bench.time.t_ns)
+
+    assert b"CTO 3 3 4\n" in b"".join(bench.line.sent)
 
 
 def test_capabilities_are_asked() -> None:

@@ -30,6 +30,7 @@ from piezod_drivers.serial_line.pi_gcs2.wave_requests import (
     PlayHost,
     WaveRequests,
     command,
+    follows_generators,
 )
 
 POLL_NS: Final = 100_000_000
@@ -197,7 +198,10 @@ class Gcs2Player:
         query = f"VOL? {' '.join(numbers)}\n".encode() + ASK_ERROR
         volts = r" \n".join(f"{number}={NUMBER}" for number in numbers) + r"\n"
         reply = GcsReply(volts)
-        request = command("WGO", numbers, ["0"] * len(numbers)) + query
+        request = command("WGO", numbers, ["0"] * len(numbers))
+        if self._table is not None and (own := self._table.compared) is not None:
+            request += follows_generators(own.line)
+        request += query
         try:
             return reply.numbers(ask(request, reply.length_of))
         except LineFault as fault:

@@ -159,7 +159,7 @@ class WaveRequests:
 
     def follow_generators(self, line: int) -> None:
         """Let a digital output be high at points of the waves from now on."""
-        self.do(f"CTO {line} {TRIGGER_MODE} {BY_GENERATOR}\n".encode())
+        self.do(follows_generators(line))
 
     def compare(self, own: Comparison, axis: str) -> None:
         """Let a digital output pulse by the position of an axis from now on."""
@@ -191,6 +191,11 @@ class WaveRequests:
     def _parameter(self, number: str) -> float:
         reply = GcsReply(rf"1 0[xX]0{{0,4}}(?i:{number})={NUMBER}\n")
         return float(self._host.ask_slowly(f"SPA? 1 0x{number:0>8}\n".encode(), reply)[0])
+
+
+def follows_generators(line: int) -> bytes:
+    """Return the command that lets a digital output be high at points of the waves."""
+    return f"CTO {line} {TRIGGER_MODE} {BY_GENERATOR}\n".encode()
 
 
 def command(name: str, numbers: Sequence[str], values: Sequence[str]) -> bytes:
