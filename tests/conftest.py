@@ -175,10 +175,14 @@ def figure(record_property: Callable[[str, object], None]) -> Figure:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave most cases of a test marked with `few` to `make stress`, the same ones always."""
+    """Leave most cases of a test marked with `few` to `make stress`, the same ones always.
+
+    Proofs of faults run in any case.
+    """
     cases = defaultdict(list)
     for item in items:
-        if item.get_closest_marker("few"):
+        proves = item.get_closest_marker("fault") or item.get_closest_marker("sees")
+        if item.get_closest_marker("few") and not proves:
             cases[item.nodeid.partition("[")[0]].append(item)
     for group in cases.values():
         (number,) = next(group[0].iter_markers("few")).args

@@ -271,12 +271,12 @@ def test_late_cycles_end_a_motion_with_lines(io: tuple[Any, LineStage]) -> None:
     node, stage = io
     assert not stage.ask(wave(pulses=(pulses(0.0, every_s=0.1, times=14),)))
     stage.run(50)
-    for _ in range(30):
-        stage.t_ns += 4 * NS_PER_S // RATE_HZ
-        late = CycleTiming(9_000_000, 3, 20_000_000, 0, 0)
+    for _ in range(60):  # more than a tenth of the cycles of 5 s
+        stage.t_ns += 2 * NS_PER_S // RATE_HZ
+        late = CycleTiming(0, 1, 10_000, 0, 0)
         stage.records.append(stage.controller.cycle(stage.t_ns, late))
     held_um = stage.records[-1].axes[0].position_um
-    last = stage.run(400)[-1]
+    last = stage.run(700)[-1]
 
     assert State.HOLD in {record.state for record in stage.records}
     assert last.state is State.RUN
