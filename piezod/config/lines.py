@@ -37,6 +37,23 @@ class LineConfig(ConfigModel):
             yield ("input",), "give either input, which is read, or output, which is set"
 
 
+def refusal(name: str, lines: Mapping[str, LineConfig], *, sets: bool) -> str:
+    """Return why a line cannot be used; empty if it can. Real-time safe.
+
+    Args:
+        name: Its name.
+        lines: The lines of the stage by name.
+        sets: Whether it is to be set, and not read.
+    """
+    line = lines.get(name)
+    if line is None:
+        known = ", ".join(lines) or "none: name digital channels in `lines:` of its configuration"
+        return f"no line {name!r}; the stage has {known}"
+    if sets and line.output is None:
+        return f"line {name} is an input, which nothing can set: name an output"
+    return ""
+
+
 def broken_lines(
     lines: Mapping[str, LineConfig],
     devices: Mapping[str, "DeviceConfig"],

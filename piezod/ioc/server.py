@@ -18,6 +18,7 @@ from piezod.ioc.lists import write_files
 from piezod.ioc.records import Names
 from piezod.ioc.stage import IocStage
 from piezod.messages.answers import AxisStatus
+from piezod.units import to_ascii
 
 _LOOPBACK: Final = IPv4Address("127.0.0.1")
 _LONGEST_NAME: Final = 60
@@ -75,7 +76,7 @@ def names_of(prefix: str, stage: str, axes: Mapping[str, AxisStatus]) -> Names:
     Raises:
         PiezodError: If a name is too long for EPICS.
     """
-    units = {name: each.unit.replace("µ", "u") for name, each in axes.items() if each.unit != "µm"}
+    units = {name: to_ascii(each.unit) for name, each in axes.items() if each.unit != "µm"}
     names = Names(prefix.replace("{stage}", stage), tuple(axes), units)
     longest = max((name for name, _ in names.all()), key=len)
     if len(longest) > _LONGEST_NAME:

@@ -102,7 +102,7 @@ class Record(NamedTuple):
             shown.record,
             kind,
             shown.what,
-            field.unit.sign.replace("µ", "u"),
+            field.unit.ascii,
             field.unit.fine,
             choices=_NO_YES if kind is Kind.FLAG else field.choices,
             archive=not field.has(UNARCHIVED),

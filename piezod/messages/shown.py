@@ -12,6 +12,7 @@ from types import NoneType
 from typing import Any, Final, NamedTuple, get_args, get_type_hints
 
 from piezod.messages.documents import Document
+from piezod.units import to_ascii
 
 
 class Unit(NamedTuple):
@@ -24,7 +25,7 @@ class Unit(NamedTuple):
     @property
     def ascii(self) -> str:
         """Its sign without µ."""
-        return self.sign.replace("µ", "u")
+        return to_ascii(self.sign)
 
 
 _UNITS: Final[Mapping[str, Unit]] = {

@@ -73,6 +73,10 @@ class UserPath:
         self._t_s, self._last_um = t_s, point_um
         return point_um
 
+    def way_um(self, actuator: int, t_s: float) -> float:
+        """Return the displacement of an actuator at a time, with what others move later, in µm."""
+        return self.actuators(t_s)[actuator] + self.late_um(actuator, t_s)
+
     def late_um(self, actuator: int, t_s: float) -> float:
         """Return how much farther an actuator has to go, in µm: others move it later.
 
@@ -127,7 +131,7 @@ class _Actuator:
         self._path, self._index = path, index
 
     def __call__(self, t_s: float) -> float:
-        return self._path.actuators(t_s)[self._index] + self._path.late_um(self._index, t_s)
+        return self._path.way_um(self._index, t_s)
 
 
 class _StreamedActuator(UnknownFuture):
@@ -137,7 +141,7 @@ class _StreamedActuator(UnknownFuture):
         self._path, self._index = path, index
 
     def __call__(self, t_s: float) -> float:
-        return self._path.actuators(t_s)[self._index] + self._path.late_um(self._index, t_s)
+        return self._path.way_um(self._index, t_s)
 
 
 class UserStream:

@@ -333,7 +333,9 @@ class StageAxis:
 
     def way_s(self, t_ns: int) -> float:
         """Return the time until the movement is at its end, in s."""
-        clock, gone_ns = self._clock, t_ns - self._started_ns
+        clock = self._clock
         if clock is not None:
-            gone_ns = self._arrives_ns if clock.ended else round(clock.at_ns(gone_ns))
-        return max(self._arrives_ns - self._started_ns - gone_ns, 0) / NS_PER_S
+            if clock.ended:
+                return 0.0
+            t_ns = self._started_ns + round(clock.at_ns(t_ns - self._started_ns))
+        return max(self._arrives_ns - t_ns, 0) / NS_PER_S

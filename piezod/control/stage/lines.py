@@ -4,7 +4,7 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from piezod.config.lines import LineConfig
+from piezod.config.lines import LineConfig, refusal
 from piezod.control.reference.edge_clock import EdgeClock
 from piezod.control.stage.axis import StageAxis
 from piezod.devices.line_levels import LineLevels
@@ -86,15 +86,12 @@ class StageLines:
 
     def refusal(self, request: Wave) -> str:
         """Return why a request cannot use its lines; empty if it can."""
-        wanted = [(each.line, True) for each in request.pulses or ()]
+        pulsing = [each.line for each in request.pulses or ()]
+        wanted = [(name, True) for name in pulsing]
         wanted += [(request.edges.line, False)] if request.edges else []
         for name, sets in wanted:
-            line = self._config.get(name)
-            if line is None:
-                return f"no line {name!r}, the stage has {', '.join(self._names)}"
-            if sets and line.output is None:
-                return f"line {name} is an input, which nothing can set: name an output"
-        pulsing = [name for name, sets in wanted if sets]
+            if why := refusal(name, self._config, sets=sets):
+                return why
         if twice := {name for name in pulsing if pulsing.count(name) > 1}:
             return f"line {min(twice)} has two lists of pulses: give one, with all of begins_s"
         return ""

@@ -171,10 +171,8 @@ class _Families(Collector):
     def _axes(self) -> Iterator[Metric]:
         axes = self._axis_records()
         for name in ("position", "command"):
-            text, values = (
-                f"{name.capitalize()} in the newest cycle.",
-                {axis: one[f"{name}_um"] * _OF_MICRO for axis, one in axes.items()},
-            )
+            text = f"{name.capitalize()} in the newest cycle."
+            values = {axis: one[f"{name}_um"] * _OF_MICRO for axis, one in axes.items()}
             for unit, rows in self._by_unit(values):
                 yield self._gauge(f"axis_{name}_{unit}", text, rows, "axis")
         for name, what in (("drive_v", "drive"), ("read_back_v", "read_back")):

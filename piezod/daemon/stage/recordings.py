@@ -32,7 +32,7 @@ from piezod.telemetry.descriptions import descriptions, mask_bits
 from piezod.telemetry.layout import enumerations
 from piezod.telemetry.learned import LearnedAxis
 from piezod.telemetry.record import StageEvent
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, to_ascii
 
 _log = logger("recorder")
 
@@ -235,7 +235,7 @@ class StageRecordings:
             notes={"configuration": json.dumps(accepted_config.document(loop.config)), **models},
             descriptions=self._descriptions,
             units={
-                name: axis.unit.replace("µ", "u")
+                name: to_ascii(axis.unit)
                 for name, axis in loop.config.user_axes.items()
                 if axis.unit != "µm"
             },

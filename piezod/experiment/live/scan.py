@@ -29,7 +29,7 @@ from piezod.experiment.scan.run import (
 )
 from piezod.experiment.scan.stage import ScanTable, SeenEdge
 from piezod.messages.documents import Document
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, to_ascii
 
 _DECIMALS = 5
 """Digits of a voltage behind the point: 10 µV."""
@@ -137,7 +137,7 @@ def scan_live(client: StageClient, scan: AnyScan, setting: ScanSetting, told: To
     names = [span.axis for span in scan.spans]
     planned = {name: _planned(setup, name) for name in names}
     if scan.mode is not None:
-        units = {name: axis["unit"].replace("µ", "u") for name, axis in setup.user_axes.items()}
+        units = {name: to_ascii(axis["unit"]) for name, axis in setup.user_axes.items()}
         used = {name: unit for name, unit in units.items() if name in names and unit != "um"}
         setting = setting._replace(units=used)
         return scan_by_running_loop(client, setup, scan, scan.mode, planned, setting, told)

@@ -164,27 +164,27 @@ def run_by_loop(
     if inputs := beside_of(axes):
         told.note(f"the loop does not read {', '.join(inputs)}: the picture shows the error")
     delays_s = np.array([axis.compensator.sensor_delay_s for axis in axes])
-    header, late = scan_header(scan, plan, (), setting), _Lateness()
+    header, tally = scan_header(scan, plan, (), setting), _Tally()
     stage.begin()
     if plan.edges is not None:
         within_s = plan.edges.within_ns / NS_PER_S
         told.note(f"the stage waits for edges of line {scan.edge}, {within_s:g} s for each")
-    sweeps = _swept(scan, plan, stage, late)
-    edges, file = late.edges, setting.file
+    sweeps = _swept(scan, plan, stage, tally)
+    edges, file = tally.edges, setting.file
     done = store_frame(sweeps, plan, delays_s, header, file, told, lambda: edges)
     told.frame(done)
-    for note in pulse_notes(scan, plan, late.pulses):
+    for note in pulse_notes(scan, plan, tally.pulses):
         told.note(note)
-    if late.worst_ns:
+    if tally.worst_ns:
         told.note(
-            f"its cycles were late by at most {late.worst_ns / 1000:.4g} µs, "
-            f"{late.mean_ns / 1000:.4g} µs on the average"
+            f"its cycles were late by at most {tally.worst_ns / 1000:.4g} µs, "
+            f"{tally.mean_ns / 1000:.4g} µs on the average"
         )
     return ScanResult(setting.file, plan, None, (done,))
 
 
-class _Lateness:
-    """Largest and mean lateness of the cycles of a scan, in ns, its edges and its pulses."""
+class _Tally:
+    """Lateness of the cycles of a scan, in ns, its edges, and its pulses."""
 
     def __init__(self) -> None:
         self.worst_ns, self._sum_ns, self._count = 0, 0.0, 0
@@ -200,7 +200,7 @@ class _Lateness:
 
 
 def _swept(
-    scan: AnyScan, plan: ScanPlan, stage: LoopStage, late: _Lateness
+    scan: AnyScan, plan: ScanPlan, stage: LoopStage, tally: _Tally
 ) -> Iterator[SweepSamples]:
     """Follow the parts of a scan; yield the samples of each sweep."""
     for part in parts_of(plan):
@@ -209,15 +209,15 @@ def _swept(
         cycles = stage.follow(waveforms, duration_s, lines_of(scan, plan, part.sweeps, zero_s))
         zero_ns = s_to_ns(zero_s)
         seen = (edge._replace(t_ns=edge.t_ns - zero_ns) for edge in cycles.edges)
-        late.edges += [edge for edge in seen if edge.used or edge.t_ns >= 0]
-        late.pulses.update(cycles.pulses)
-        first_ns = sweep_ns(plan, late.edges)
+        tally.edges += [edge for edge in seen if edge.used or edge.t_ns >= 0]
+        tally.pulses.update(cycles.pulses)
+        first_ns = sweep_ns(plan, tally.edges)
         for k in part.sweeps:
             end_s = zero_s + (k * plan.points + plan.active - 1.5) * plan.interval_ns / NS_PER_S
             if cycles.ended and cycles.t_s[-1] < end_s:
                 return
             samples, late_ns = sweep_of(plan, part, cycles, k)
-            late.add(late_ns)
+            tally.add(late_ns)
             yield samples._replace(first_ns=int(first_ns[k]))
 
 

@@ -213,7 +213,7 @@ class _Frame:
             for i, line in enumerate(lines):
                 size[k, i] = _slope(wanted_um[:, i], error_um[:, i])
                 line.add(k, samples.position_um[:, i])
-        ways = 2 if plan.turns_back else 1
+        ways = plan.sweeps_per_period
         rms = self._correct(smoothed(offset_um, ways), smoothed(size, ways), lines)
         return _Found(FrameReport(label, measured.errors, true.errors), rms)
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.config.lines import LineConfig, refusal
 from piezod.config.scan import AnyScan
 from piezod.control.reference.edge_clock import EdgeClock
 from piezod.devices.player import SeenEdge
@@ -34,7 +35,7 @@ def check_lines(scan: AnyScan, lines: Mapping[str, Any], users: Collection[str] 
     Raises:
         DataError: If there is one; the text has a line for each problem.
     """
-    found = ", ".join(lines) or "none: name digital channels in `lines:` of its configuration"
+    known = {name: LineConfig.model_validate(line) for name, line in lines.items()}
     wanted = [*_pulse_names(scan), *([("edge", scan.edge)] if scan.edge else ())]
     problems = [
         f"{span.axis} is a user axis: lines are in step with the axes of `axes:` only"
@@ -42,10 +43,8 @@ def check_lines(scan: AnyScan, lines: Mapping[str, Any], users: Collection[str] 
         if wanted and span.axis in users
     ]
     for key, name in wanted:
-        if name not in lines:
-            problems.append(f"{key}: no line {name!r}; the stage has {found}")
-        elif key != "edge" and lines[name].get("output") is None:
-            problems.append(f"{key}: line {name} is an input, which nothing can set")
+        if why := refusal(name, known, sets=key != "edge"):
+            problems.append(f"{key}: {why}")
     if problems:
         raise DataError("\n".join(problems))
 

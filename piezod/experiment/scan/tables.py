@@ -51,7 +51,7 @@ def stepped_voltages(
     """
     gain = static_gain(known.creep, plan.duration_s / max(plan.sweeps, 1))
     lead_in_v, offset_v = known.maker.levels(levels_um / gain, in_force_v)
-    period = plan.points * (2 if plan.turns_back else 1)
+    period = plan.points * plan.sweeps_per_period
     return AxisVoltages(lead_in_v, np.zeros(period), offset_v)
 
 

@@ -14,6 +14,7 @@ from piezod.records.recording.header import TelemetryHeader
 from piezod.records.recording.marks import faults_latched, faults_present, names_of
 from piezod.records.recording.reader import RecordedTelemetry, read_portions
 from piezod.records.recording.user_axes import user_units
+from piezod.units import to_ascii
 
 Table = dict[str, NDArray[Any]]
 
@@ -64,7 +65,7 @@ def _about(column: str, header: TelemetryHeader, axes: tuple[str, ...]) -> dict[
     units = unit_of(column)
     for axis, unit in user_units(header).items():
         if units == "um" and (column.startswith(f"{axis}_") or axes == (axis,)):
-            units = unit.replace("µ", "u")
+            units = to_ascii(unit)
     return {"units": units, "description": found[0] if found else ""}
 
 

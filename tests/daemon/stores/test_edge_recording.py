@@ -1,7 +1,6 @@
 """Recordings that wait for the rising edge of a line."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,14 +26,6 @@ def ring() -> FakeRing:
     ring.high = range(5000, 5300)
     ring.run(3000)
     return ring
-
-
-@pytest.fixture
-def recorder(ring: FakeRing, tmp_path: Path) -> Iterator[Recorder]:
-    """Return a recorder, which is stopped at the end."""
-    recorder = Recorder(ring.stage, tmp_path / "recordings", lambda _folder: "")
-    yield recorder
-    recorder.stop()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 import errno
 import os
 import signal
-from collections.abc import Iterator
 from math import inf
 from pathlib import Path
 
@@ -29,14 +28,6 @@ def ring() -> FakeRing:
     ring = FakeRing(50_000)
     ring.run(300)
     return ring
-
-
-@pytest.fixture
-def recorder(ring: FakeRing, tmp_path: Path) -> Iterator[Recorder]:
-    """Return a recorder, which is stopped at the end."""
-    recorder = Recorder(ring.stage, tmp_path / "recordings", lambda _folder: "")
-    yield recorder
-    recorder.stop()
 
 
 def run(recorder: Recorder, ring: FakeRing, cycles: int) -> None:

@@ -27,7 +27,11 @@ from piezod.messages.requests import LineEdges
 from tests.experiment.scan.test_plan import AXES, raster, span
 
 PERIOD_NS = 1_000_000
-LINES = {"shutter": {"output": "DO0"}, "gate": {"output": "DO1"}, "exposed": {"input": "DI0"}}
+LINES = {
+    "shutter": {"device": "io", "output": "DO0"},
+    "gate": {"device": "io", "output": "DO1"},
+    "exposed": {"device": "io", "input": "DI0"},
+}
 SNAKE = raster(
     mode=Mode.TRIMMED,
     lines_per_s=2.0,
